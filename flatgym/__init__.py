@@ -1,0 +1,17 @@
+"""FlatQuad: time-optimal planar quadrotor flight as a Gymnasium benchmark with a known optimum."""
+
+import gymnasium as gym
+
+from flatgym.catalogue import SCENARIOS, scenario
+from flatgym.quadrotor import Quadrotor
+from flatgym.scenario import Hoop, Scenario, Tolerance
+from flatgym.task import OBSERVATION_NAMES, OUTCOMES
+
+__all__ = ["OBSERVATION_NAMES", "OUTCOMES", "SCENARIOS", "Hoop", "Quadrotor", "Scenario", "Tolerance", "scenario"]
+__version__ = "0.1.0"
+
+gym.register(
+    id="FlatQuad-v0",
+    entry_point="flatgym.env:FlatQuadEnv",
+    vector_entry_point="flatgym.vector:FlatQuadVectorEnv",
+)

@@ -1,0 +1,158 @@
+"""The planar quadrotor and its exact step, paper eqs. (3)-(5).
+
+    x'' = f sin(theta),   z'' = f cos(theta) - g,   theta' = omega,
+    thrust_min <= f <= thrust_max,   |omega| <= rate_max.
+
+State [x, z, vx, vz, theta], control [thrust, rate] = [f, omega]; metres, seconds, radians.
+
+Under a constant control the equations have a closed form, so simulation here has no
+integration error. With h the step, a = omega h / 2 the half turn, m = theta + a the middle
+tilt, and j0, j1 the spherical Bessel functions,
+
+    vx(h) = vx + f h j0(a) sin m
+    vz(h) = vz + f h j0(a) cos m - g h
+    x(h)  = x + vx h + (f h^2 / 2) (j0(a) sin m - j1(a) cos m)
+    z(h)  = z + vz h + (f h^2 / 2) (j0(a) cos m + j1(a) sin m) - g h^2 / 2
+    theta(h) = theta + omega h.
+
+Nothing divides by omega: j0 and j1 are power series in a^2 about zero.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+STATE_NAMES = ("x", "z", "vx", "vz", "theta")
+CONTROL_NAMES = ("thrust", "rate")
+
+
+def spherical_bessel(a: Any, ops: Any = np) -> tuple[Any, Any]:
+    """Return j0(a) = sin a / a and j1(a) = (sin a - a cos a) / a^2, smooth at a = 0.
+
+    `ops` supplies sin, cos and where, so that the same lines serve NumPy arrays and symbols.
+    Both closed forms lose digits near zero, so |a| < 1/2 uses the series (error < 1e-17).
+    """
+    q = a * a
+    small = q < 0.25
+    r = ops.where(small, 1.0, a)
+    j0_series = 1 - q / 6 * (1 - q / 20 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110 * (1 - q / 156)))))
+    j1_series = a / 3 * (1 - q / 10 * (1 - q / 28 * (1 - q / 54 * (1 - q / 88 * (1 - q / 130)))))
+    sin, cos = ops.sin(r), ops.cos(r)
+    return (
+        ops.where(small, j0_series, sin / r),
+        ops.where(small, j1_series, (sin - r * cos) / (r * r)),
+    )
+
+
+def exact_step(state: Any, control: Any, h: Any, gravity: float, ops: Any = np) -> tuple[Any, ...]:
+    """Return the five components of the state after h seconds of constant control.
+
+    `state` and `control` are sequences of 5 and 2 components (arrays or symbols that
+    broadcast); the formulas are those of the module docstring.
+    """
+    x, z, vx, vz, theta = state
+    thrust, rate = control
+    a = rate * h / 2
+    j0, j1 = spherical_bessel(a, ops)
+    sin, cos = ops.sin(theta + a), ops.cos(theta + a)
+    dv, dp = thrust * h, thrust * h * h / 2
+    return (
+        x + vx * h + dp * (j0 * sin - j1 * cos),
+        z + vz * h + dp * (j0 * cos + j1 * sin) - gravity * h * h / 2,
+        vx + dv * j0 * sin,
+        vz + dv * j0 * cos - gravity * h,
+        theta + rate * h,
+    )
+
+
+@dataclass(frozen=True)
+class Quadrotor:
+    """The vehicle: its limits, its equations of motion, its exact step.
+
+    Attributes:
+        thrust_min, thrust_max: limits of the mass-normalised thrust F_T/m [m/s^2].
+        rate_max: limit of the pitch rate, in either direction [rad/s].
+        gravity: gravitational acceleration [m/s^2] (the paper does not print it).
+        radius: radius of the body for collisions with hoop rims [m]; 0 is the paper's point.
+
+    Raises:
+        ValueError: for a value that is not finite or outside its range.
+    """
+
+    thrust_min: float = 1.0
+    thrust_max: float = 20.0
+    rate_max: float = 10.0
+    gravity: float = 9.81
+    radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not isinstance(value, (int, float)) or not math.isfinite(value):
+                raise ValueError(f"Quadrotor.{field.name} must be a finite number, got {value!r}")
+            if value < 0:
+                raise ValueError(f"Quadrotor.{field.name} must be at least 0, got {value!r}")
+        if self.thrust_max <= self.thrust_min:
+            raise ValueError(f"Quadrotor.thrust_max must exceed thrust_min = {self.thrust_min}, got {self.thrust_max}")
+        if self.rate_max == 0:
+            raise ValueError("Quadrotor.rate_max must be positive, got 0: without rotation nothing can be flown")
+
+    @property
+    def control_low(self) -> Array:
+        """The smallest control [thrust, rate], shape (2,)."""
+        return np.array([self.thrust_min, -self.rate_max])
+
+    @property
+    def control_high(self) -> Array:
+        """The largest control [thrust, rate], shape (2,)."""
+        return np.array([self.thrust_max, self.rate_max])
+
+    def control(self, action: ArrayLike) -> Array:
+        """Map actions in [-1, 1], shape (..., 2), affinely onto the control box."""
+        low, high = self.control_low, self.control_high
+        # Weights on the two ends rather than middle plus half-width: exact at both ends.
+        share = (np.asarray(action, dtype=np.float64) + 1) / 2
+        return low * (1 - share) + high * share
+
+    def action(self, control: ArrayLike) -> Array:
+        """Map controls, shape (..., 2), affinely onto [-1, 1]; the inverse of `control`."""
+        low, high = self.control_low, self.control_high
+        return (2 * np.asarray(control, dtype=np.float64) - low - high) / (high - low)
+
+    def derivative(self, state: ArrayLike, control: ArrayLike) -> Array:
+        """Return d(state)/dt of eqs. (3)-(5), shapes (..., 5), (..., 2) -> (..., 5)."""
+        state, control = np.asarray(state, dtype=np.float64), np.asarray(control, dtype=np.float64)
+        thrust, rate, theta = control[..., 0], control[..., 1], state[..., 4]
+        return np.stack(
+            np.broadcast_arrays(
+                state[..., 2], state[..., 3], thrust * np.sin(theta), thrust * np.cos(theta) - self.gravity, rate
+            ),
+            axis=-1,
+        )
+
+    def step(self, state: ArrayLike, control: ArrayLike, dt: ArrayLike) -> Array:
+        """Return the exact state after `dt` seconds of constant control.
+
+        Args:
+            state: [x, z, vx, vz, theta], shape (..., 5).
+            control: [thrust, rate], shape (..., 2); limits are not applied here.
+            dt: duration [s], shape (...); may be negative (the flow is reversible).
+
+        Returns:
+            The new states, shape (..., 5), leading axes broadcast.
+        """
+        state, control = np.asarray(state, dtype=np.float64), np.asarray(control, dtype=np.float64)
+        parts = exact_step(
+            tuple(state[..., i] for i in range(5)),
+            tuple(control[..., i] for i in range(2)),
+            np.asarray(dt, dtype=np.float64),
+            self.gravity,
+        )
+        return np.stack(np.broadcast_arrays(*parts), axis=-1)

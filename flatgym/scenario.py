@@ -1,0 +1,240 @@
+"""A task as a value: where to fly, through what, within what, and what counts as arrived.
+
+A Scenario is frozen and validated, compares by value, and round-trips through JSON. Invalid
+values raise a ValueError that names the field, the value, and what is allowed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from flatgym.quadrotor import Array, Quadrotor
+
+BOUNDS_MARGIN = 5.0
+"""How far beyond everything a scenario names a flight may stray before it is out of bounds [m]."""
+
+
+def _number(owner: str, name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise ValueError(f"{owner}.{name} must be a number, got {value!r}")
+    if not math.isfinite(value):
+        raise ValueError(f"{owner}.{name} must be finite, got {value!r}")
+    return float(value)
+
+
+def _positive(owner: str, name: str, value: Any) -> float:
+    number = _number(owner, name, value)
+    if number <= 0:
+        raise ValueError(f"{owner}.{name} must be positive, got {value!r}")
+    return number
+
+
+def _point(owner: str, name: str, value: Any) -> tuple[float, float]:
+    try:
+        x, z = value
+    except (TypeError, ValueError):
+        raise ValueError(f"{owner}.{name} must be a point (x, z) in metres, got {value!r}") from None
+    return _number(owner, f"{name}[0]", x), _number(owner, f"{name}[1]", z)
+
+
+@dataclass(frozen=True)
+class Hoop:
+    """A gap to fly through: passed when the path crosses it in its direction.
+
+    Attributes:
+        x, z: centre of the gap [m].
+        diameter: width of the gap [m].
+        angle: direction of passage, from +x towards +z [rad]; 0 is the paper's vertical hoop,
+            flown left to right.
+    """
+
+    x: float
+    z: float
+    diameter: float
+    angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("x", "z", "angle"):
+            object.__setattr__(self, name, _number("Hoop", name, getattr(self, name)))
+        object.__setattr__(self, "diameter", _positive("Hoop", "diameter", self.diameter))
+
+    @property
+    def centre(self) -> Array:
+        """Centre of the gap [m], shape (2,)."""
+        return np.array([self.x, self.z])
+
+    @property
+    def direction(self) -> Array:
+        """Unit vector of passage, shape (2,)."""
+        return np.array([math.cos(self.angle), math.sin(self.angle)])
+
+    @property
+    def across(self) -> Array:
+        """Unit vector along the gap, `direction` turned a quarter from +x to +z, shape (2,)."""
+        return np.array([-math.sin(self.angle), math.cos(self.angle)])
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """What counts as arrived: |p - goal| <= position, |v| <= speed, theta near a whole turn.
+
+    Attributes:
+        position: distance to the goal [m].
+        speed: speed [m/s].
+        angle: distance of theta to the nearest multiple of 2 pi [rad].
+    """
+
+    position: float = 0.1
+    speed: float = 0.2
+    angle: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("position", "speed", "angle"):
+            object.__setattr__(self, name, _positive("Tolerance", name, getattr(self, name)))
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One task of the benchmark: rest to rest from start to goal, through hoops in order.
+
+    Attributes:
+        name: what to call it.
+        start, goal: points (x, z) where the flight starts and ends at rest, upright [m].
+        hoops: the hoops, in the order in which they must be passed.
+        floor, ceiling: least and greatest height of the vehicle's centre [m], or None.
+        quadrotor: the vehicle.
+        tolerance: what counts as arrived.
+        dt: length of an environment step, over which the control is constant [s].
+        time_limit: the flight is truncated after this long [s].
+
+    Raises:
+        ValueError: naming the field, its value and what is allowed.
+    """
+
+    name: str
+    start: tuple[float, float]
+    goal: tuple[float, float]
+    hoops: tuple[Hoop, ...] = ()
+    floor: float | None = None
+    ceiling: float | None = None
+    quadrotor: Quadrotor = field(default_factory=Quadrotor)
+    tolerance: Tolerance = field(default_factory=Tolerance)
+    dt: float = 0.02
+    time_limit: float = 5.0
+
+    def __post_init__(self) -> None:
+        def put(name: str, value: Any) -> None:
+            object.__setattr__(self, name, value)
+
+        if not isinstance(self.name, str) or not self.name:
+            raise ValueError(f"Scenario.name must be a non-empty string, got {self.name!r}")
+        for name in ("start", "goal"):
+            put(name, _point("Scenario", name, getattr(self, name)))
+        for name in ("floor", "ceiling"):
+            if getattr(self, name) is not None:
+                put(name, _number("Scenario", name, getattr(self, name)))
+        for name in ("dt", "time_limit"):
+            put(name, _positive("Scenario", name, getattr(self, name)))
+        put("hoops", tuple(self.hoops))
+        for name, kind in (("quadrotor", Quadrotor), ("tolerance", Tolerance)):
+            if not isinstance(getattr(self, name), kind):
+                raise ValueError(f"Scenario.{name} must be a {kind.__name__}, got {getattr(self, name)!r}")
+        self._check_vehicle()
+        self._check_heights()
+        self._check_hoops()
+        if self.time_limit < self.dt:
+            raise ValueError(f"Scenario.time_limit must be at least dt = {self.dt}, got {self.time_limit}")
+        if not self.hoops and math.dist(self.start, self.goal) <= self.tolerance.position:
+            raise ValueError(
+                f"Scenario.goal {self.goal} lies within tolerance.position = {self.tolerance.position} m "
+                f"of the start {self.start}: nothing is left to fly"
+            )
+
+    def _check_vehicle(self) -> None:
+        q = self.quadrotor
+        if not q.thrust_min <= q.gravity < q.thrust_max:
+            raise ValueError(
+                f"Scenario.quadrotor cannot hover, and start and goal are at rest: needs thrust_min <= gravity < "
+                f"thrust_max, got {q.thrust_min} <= {q.gravity} < {q.thrust_max}"
+            )
+
+    def _check_heights(self) -> None:
+        low = -math.inf if self.floor is None else self.floor
+        high = math.inf if self.ceiling is None else self.ceiling
+        if low >= high:
+            raise ValueError(f"Scenario.ceiling must lie above the floor at {self.floor} m, got {self.ceiling}")
+        for name in ("start", "goal"):
+            height = getattr(self, name)[1]
+            if height < low:
+                raise ValueError(f"Scenario.{name} lies at z = {height} m, below the floor at {self.floor} m")
+            if height > high:
+                raise ValueError(f"Scenario.{name} lies at z = {height} m, above the ceiling at {self.ceiling} m")
+
+    def _check_hoops(self) -> None:
+        for number, hoop in enumerate(self.hoops):
+            where = f"Scenario.hoops[{number}]"
+            if not isinstance(hoop, Hoop):
+                raise ValueError(f"{where} must be a Hoop, got {hoop!r}")
+            if hoop.diameter <= 2 * self.quadrotor.radius:
+                raise ValueError(
+                    f"{where}: a gap of {hoop.diameter} m is too small for a body of "
+                    f"radius {self.quadrotor.radius} m; it must exceed {2 * self.quadrotor.radius} m"
+                )
+            reach = (hoop.diameter / 2 - self.quadrotor.radius) * abs(math.cos(hoop.angle))
+            if self.floor is not None and hoop.z + reach < self.floor:
+                raise ValueError(f"{where} lies wholly below the floor at {self.floor} m: {hoop}")
+            if self.ceiling is not None and hoop.z - reach > self.ceiling:
+                raise ValueError(f"{where} lies wholly above the ceiling at {self.ceiling} m: {hoop}")
+
+    @property
+    def start_state(self) -> Array:
+        """The state at rest and upright at the start, shape (5,)."""
+        return np.array([*self.start, 0.0, 0.0, 0.0])
+
+    @property
+    def goal_state(self) -> Array:
+        """The state at rest and upright at the goal, shape (5,)."""
+        return np.array([*self.goal, 0.0, 0.0, 0.0])
+
+    @property
+    def max_steps(self) -> int:
+        """The number of steps after which a flight is truncated."""
+        return max(1, round(self.time_limit / self.dt))
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Least x, least z, greatest x, greatest z [m]; a step that ends beyond is out of bounds."""
+        points = np.array([self.start, self.goal, *((hoop.x, hoop.z) for hoop in self.hoops)])
+        low, high = points.min(axis=0) - BOUNDS_MARGIN, points.max(axis=0) + BOUNDS_MARGIN
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the scenario as plain dictionaries, lists, numbers and strings."""
+        return json.loads(json.dumps(asdict(self)))
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Scenario:
+        """Rebuild a scenario from `to_dict`; unknown keys raise a ValueError."""
+        data = dict(data)
+        try:
+            data["hoops"] = tuple(Hoop(**hoop) for hoop in data.get("hoops", ()))
+            for name, kind in (("quadrotor", Quadrotor), ("tolerance", Tolerance)):
+                if name in data:
+                    data[name] = kind(**data[name])
+            return cls(**data)
+        except TypeError as error:
+            raise ValueError(f"not a scenario: {error}") from None
+
+    def to_json(self) -> str:
+        """Return the scenario as a JSON text."""
+        return json.dumps(self.to_dict())
+
+    @classmethod
+    def from_json(cls, text: str) -> Scenario:
+        """Rebuild a scenario from `to_json`."""
+        return cls.from_dict(json.loads(text))

@@ -1,0 +1,323 @@
+"""The task as pure verbs over a batch: initial, advance, outcome, observe, reward.
+
+    situation = initial(scene)
+    situation = advance(scene, situation, controls)    # n vehicles, one step each
+    observe(scene, situation), reward(scene, before, after)
+
+A Scene holds n scenarios as arrays, a Situation where their n vehicles stand. Both are frozen;
+nothing here remembers anything, so that loops, environments and planners share one truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flatgym.arc import Arc
+from flatgym.quadrotor import Array, Quadrotor
+from flatgym.scenario import Scenario, Tolerance
+
+Integers = NDArray[np.int64]
+
+OUTCOMES = ("flying", "goal", "collision", "floor", "ceiling", "out-of-bounds", "time-limit")
+"""Every word for how a flight stands; all but the first end it."""
+FLYING, GOAL, COLLISION, FLOOR, CEILING, OUT_OF_BOUNDS, TIME_LIMIT = range(len(OUTCOMES))
+
+CONTACT_SLACK = 1e-6
+"""Depth below a floor or above a ceiling that is not yet contact [m]: standing on it is allowed."""
+
+HOOPS_SEEN = 2
+OBSERVATION_NAMES = (
+    "goal_x",
+    "goal_z",
+    "velocity_x",
+    "velocity_z",
+    "sin_theta",
+    "cos_theta",
+    *(
+        f"hoop{i}_{what}"
+        for i in range(1, HOOPS_SEEN + 1)
+        for what in ("x", "z", "direction_x", "direction_z", "diameter")
+    ),
+    "floor",
+    "ceiling",
+    "time",
+)
+"""What each component of an observation is; FlatQuadEnv documents the scales."""
+
+LENGTH_UNIT, LENGTH_MAX = 0.5, 20.0
+SPEED_UNIT, SPEED_MAX = 1.0, 30.0
+CRUISE_SPEED = 5.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The scenarios of n vehicles as arrays; hoops padded to the largest number H.
+
+    Attributes:
+        scenarios: the scenarios themselves, length n.
+        quadrotor, tolerance, dt: shared by all.
+        start, goal: points [m], shape (n, 2).
+        hoop_centre, hoop_direction: shape (n, H, 2) [m], [-].
+        hoop_diameter: shape (n, H) [m].
+        hoop_count: number of hoops, shape (n,).
+        floor, ceiling: heights [m], shape (n,); infinite where there is none.
+        bounds: least x, least z, greatest x, greatest z [m], shape (n, 4).
+        max_steps: steps after which a flight is truncated, shape (n,).
+    """
+
+    scenarios: tuple[Scenario, ...]
+    quadrotor: Quadrotor
+    tolerance: Tolerance
+    dt: float
+    start: Array
+    goal: Array
+    hoop_centre: Array
+    hoop_direction: Array
+    hoop_diameter: Array
+    hoop_count: Integers
+    floor: Array
+    ceiling: Array
+    bounds: Array
+    max_steps: Integers
+
+    @classmethod
+    def of(cls, scenarios: Sequence[Scenario]) -> Scene:
+        """Return the scene of n scenarios that share vehicle, tolerance and dt."""
+        first = scenarios[0]
+        for name in ("quadrotor", "tolerance", "dt"):
+            for other in scenarios:
+                if getattr(other, name) != getattr(first, name):
+                    raise ValueError(
+                        f"scenarios flown together must share {name}: {first.name!r} has {getattr(first, name)}, "
+                        f"{other.name!r} has {getattr(other, name)}"
+                    )
+        n, most = len(scenarios), max(len(s.hoops) for s in scenarios)
+        centre, direction, diameter = np.zeros((n, most, 2)), np.zeros((n, most, 2)), np.zeros((n, most))
+        for i, s in enumerate(scenarios):
+            for j, hoop in enumerate(s.hoops):
+                centre[i, j], direction[i, j], diameter[i, j] = hoop.centre, hoop.direction, hoop.diameter
+        return cls(
+            scenarios=tuple(scenarios),
+            quadrotor=first.quadrotor,
+            tolerance=first.tolerance,
+            dt=first.dt,
+            start=np.array([s.start for s in scenarios]),
+            goal=np.array([s.goal for s in scenarios]),
+            hoop_centre=centre,
+            hoop_direction=direction,
+            hoop_diameter=diameter,
+            hoop_count=np.array([len(s.hoops) for s in scenarios]),
+            floor=np.array([-np.inf if s.floor is None else s.floor for s in scenarios]),
+            ceiling=np.array([np.inf if s.ceiling is None else s.ceiling for s in scenarios]),
+            bounds=np.array([s.bounds for s in scenarios]),
+            max_steps=np.array([s.max_steps for s in scenarios]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.scenarios)
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Where n flights stand.
+
+    Attributes:
+        state: [x, z, vx, vz, theta], shape (n, 5).
+        steps: environment steps flown, shape (n,).
+        hoops_passed: hoops passed so far, shape (n,).
+        outcome: index into OUTCOMES, shape (n,).
+    """
+
+    state: Array
+    steps: Integers
+    hoops_passed: Integers
+    outcome: Integers
+
+    @property
+    def terminated(self) -> NDArray[np.bool_]:
+        """Whether the flight has ended for good, shape (n,)."""
+        return (self.outcome != FLYING) & (self.outcome != TIME_LIMIT)
+
+    @property
+    def truncated(self) -> NDArray[np.bool_]:
+        """Whether only the clock ended the flight, shape (n,)."""
+        return self.outcome == TIME_LIMIT
+
+    def put(self, mask: NDArray[np.bool_], other: Situation) -> Situation:
+        """Return these situations with those under `mask`, shape (n,), taken from `other`."""
+        return Situation(
+            state=np.where(mask[:, None], other.state, self.state),
+            steps=np.where(mask, other.steps, self.steps),
+            hoops_passed=np.where(mask, other.hoops_passed, self.hoops_passed),
+            outcome=np.where(mask, other.outcome, self.outcome),
+        )
+
+
+def initial(scene: Scene) -> Situation:
+    """Return all vehicles at rest and upright at their starts."""
+    n = len(scene)
+    state = np.zeros((n, 5))
+    state[:, 0:2] = scene.start
+    nothing = np.zeros(n, dtype=np.int64)
+    return Situation(state=state, steps=nothing, hoops_passed=nothing, outcome=nothing)
+
+
+def advance(scene: Scene, situation: Situation, control: Array) -> Situation:
+    """Fly every vehicle one step of dt under its constant control [thrust, rate], shape (n, 2)."""
+    arc = Arc(scene.quadrotor, situation.state, control, scene.dt)
+    after = Situation(
+        state=arc.at(scene.dt),
+        steps=situation.steps + 1,
+        hoops_passed=_pass_hoops(scene, arc, situation.hoops_passed),
+        outcome=situation.outcome,
+    )
+    return replace(after, outcome=outcome(scene, arc, after))
+
+
+def outcome(scene: Scene, arc: Arc, after: Situation) -> Integers:
+    """Return how the flights stand after the step flown along `arc`, shape (n,), as in OUTCOMES.
+
+    A contact anywhere inside the step comes before the goal at its end, and the goal before the
+    end of the time limit.
+    """
+    x, z = after.state[:, 0], after.state[:, 1]
+    low_x, low_z, high_x, high_z = scene.bounds.T
+    code = np.where(after.steps >= scene.max_steps, TIME_LIMIT, FLYING)
+    code = np.where(arrived(scene, after), GOAL, code)
+    code = np.where((x < low_x) | (x > high_x) | (z < low_z) | (z > high_z), OUT_OF_BOUNDS, code)
+    up = np.array([0.0, 1.0])
+    for direction, limit, word in ((-up, -scene.ceiling, CEILING), (up, scene.floor, FLOOR)):
+        near = z * direction[1] - 2 * arc.reach < limit
+        if near.any():
+            touches = arc[near].lowest(direction) < limit[near] - CONTACT_SLACK
+            code[near] = np.where(touches, word, code[near])
+    if scene.quadrotor.radius > 0:
+        code = np.where(_touches_rim(scene, arc), COLLISION, code)
+    return code
+
+
+def arrived(scene: Scene, situation: Situation) -> NDArray[np.bool_]:
+    """Return whether the vehicles are at the goal, slow, upright, all hoops passed, shape (n,)."""
+    offset, velocity = situation.state[:, 0:2] - scene.goal, situation.state[:, 2:4]
+    theta, tolerance = situation.state[:, 4], scene.tolerance
+    return (
+        (np.hypot(offset[:, 0], offset[:, 1]) <= tolerance.position)
+        & (np.hypot(velocity[:, 0], velocity[:, 1]) <= tolerance.speed)
+        & (np.abs(theta - 2 * np.pi * np.round(theta / (2 * np.pi))) <= tolerance.angle)
+        & (situation.hoops_passed >= scene.hoop_count)
+    )
+
+
+def _pass_hoops(scene: Scene, arc: Arc, passed: Integers) -> Integers:
+    """Return the hoops passed after the arc, in order, several in one step if it comes to that."""
+    passed, time, reach = passed.copy(), np.zeros(len(arc)), arc.reach
+    rows = np.arange(len(arc))
+    for _ in range(scene.hoop_centre.shape[1]):
+        rows = rows[passed[rows] < scene.hoop_count[rows]]
+        centre = scene.hoop_centre[rows, passed[rows]]
+        near = np.hypot(*(arc.state[rows, 0:2] - centre).T) <= reach[rows] + scene.hoop_diameter[rows, passed[rows]]
+        rows, centre = rows[near], centre[near]
+        if not rows.size:
+            break
+        direction = scene.hoop_direction[rows, passed[rows]]
+        gap = scene.hoop_diameter[rows, passed[rows]] / 2 - scene.quadrotor.radius
+        sub = arc[rows]
+        when = sub.crossing(centre, direction, time[rows])
+        crosses = ~np.isnan(when)
+        offset = sub.at(np.where(crosses, when, 0.0))[:, 0:2] - centre
+        aside = np.abs(offset[:, 1] * direction[:, 0] - offset[:, 0] * direction[:, 1])
+        through = crosses & (aside <= gap)
+        rows, when = rows[through], when[through]
+        passed[rows] += 1
+        time[rows] = when
+    return passed
+
+
+def _touches_rim(scene: Scene, arc: Arc) -> NDArray[np.bool_]:
+    """Return whether the body touches an end of any hoop's gap during the step, shape (n,)."""
+    touched = np.zeros(len(arc), dtype=bool)
+    for j in range(scene.hoop_centre.shape[1]):
+        direction = scene.hoop_direction[:, j]
+        across = np.stack([-direction[:, 1], direction[:, 0]], axis=-1)
+        for side in (-0.5, 0.5):
+            rim = scene.hoop_centre[:, j] + side * scene.hoop_diameter[:, j, None] * across
+            touched |= (arc.distance(rim) < scene.quadrotor.radius) & (j < scene.hoop_count)
+    return touched
+
+
+def _squash(value: Array, unit: float, most: float) -> Array:
+    """Return asinh(value / unit), scaled to 1 at `most` and clipped: fine near 0, bounded afar."""
+    return np.clip(np.arcsinh(value / unit) / np.arcsinh(most / unit), -1.0, 1.0)
+
+
+def observe(scene: Scene, situation: Situation) -> NDArray[np.float32]:
+    """Return the observations named in OBSERVATION_NAMES, all in [-1, 1], shape (n, 19)."""
+    state, n = situation.state, len(scene)
+    x, z, theta = state[:, 0], state[:, 1], state[:, 4]
+    columns = np.zeros((len(OBSERVATION_NAMES), n))
+    columns[0:2] = _squash(scene.goal - state[:, 0:2], LENGTH_UNIT, LENGTH_MAX).T
+    columns[2:4] = _squash(state[:, 2:4], SPEED_UNIT, SPEED_MAX).T
+    columns[4], columns[5] = np.sin(theta), np.cos(theta)
+    for i in range(min(HOOPS_SEEN, scene.hoop_centre.shape[1])):
+        ahead = np.flatnonzero(situation.hoops_passed + i < scene.hoop_count)
+        which = situation.hoops_passed[ahead] + i
+        centre, direction = scene.hoop_centre[ahead, which], scene.hoop_direction[ahead, which]
+        row = 6 + 5 * i
+        columns[row, ahead] = _squash(centre[:, 0] - x[ahead], LENGTH_UNIT, LENGTH_MAX)
+        columns[row + 1, ahead] = _squash(centre[:, 1] - z[ahead], LENGTH_UNIT, LENGTH_MAX)
+        columns[row + 2 : row + 4, ahead] = direction.T
+        columns[row + 4, ahead] = _squash(scene.hoop_diameter[ahead, which], LENGTH_UNIT, LENGTH_MAX)
+    columns[-3] = _squash(z - scene.floor, LENGTH_UNIT, LENGTH_MAX)
+    columns[-2] = _squash(scene.ceiling - z, LENGTH_UNIT, LENGTH_MAX)
+    columns[-1] = np.minimum(situation.steps / scene.max_steps, 1.0)
+    return np.ascontiguousarray(columns.T, dtype=np.float32)
+
+
+def potential(scene: Scene, situation: Situation) -> Array:
+    """Return minus a rough time to go [s], shape (n,), 0 for flights that have ended for good.
+
+    The way left through the centres of the hoops still ahead, at a cruising speed; on the last
+    leg also what it takes to stop and to stand upright.
+    """
+    position, passed = situation.state[:, 0:2], situation.hoops_passed
+    way, here = np.zeros(len(scene)), position
+    for j in range(scene.hoop_centre.shape[1]):
+        ahead = (j >= passed) & (j < scene.hoop_count)
+        leg = np.hypot(*(scene.hoop_centre[:, j] - here).T)
+        way += np.where(ahead, leg, 0.0)
+        here = np.where(ahead[:, None], scene.hoop_centre[:, j], here)
+    way += np.hypot(*(scene.goal - here).T)
+    return np.where(situation.terminated, 0.0, -way / CRUISE_SPEED)
+
+
+def reward(scene: Scene, before: Situation, after: Situation, shaped: bool) -> Array:
+    """Return the reward of the step from `before` to `after` [s], shape (n,).
+
+    Sparse: minus dt; a flight that fails pays the rest of its time limit at once, so that the
+    return is minus the flight time on success and minus the time limit otherwise. Shaped adds
+    the difference of the potential; summed over an episode it is a constant of the start, so
+    the optimal policy stays the same (Ng, Harada and Russell 1999, with discount 1).
+    """
+    failed = after.terminated & (after.outcome != GOAL)
+    rest = (scene.max_steps - after.steps) * scene.dt
+    sparse = -scene.dt - np.where(failed, rest, 0.0)
+    if not shaped:
+        return sparse
+    return sparse + potential(scene, after) - potential(scene, before)
+
+
+def info(scene: Scene, situation: Situation) -> dict[str, Any]:
+    """Return the info arrays, the same keys at every step, each with leading axis n."""
+    return {
+        "state": situation.state,
+        "time": situation.steps * scene.dt,
+        "steps": situation.steps,
+        "hoops_passed": situation.hoops_passed,
+        "is_success": situation.outcome == GOAL,
+        "outcome": np.array(OUTCOMES, dtype=object)[situation.outcome],
+    }
