@@ -63,49 +63,55 @@ def phase_steps(scenario: Scenario, nodes: int = NODES) -> tuple[int, ...]:
 
 
 @lru_cache(maxsize=32)
-def program(steps: tuple[int, ...], limited: bool) -> Any:
+def program(steps: tuple[int, ...], limited: bool, tolerant: bool) -> Any:
     """Return the parametric solver of one shape.
 
     Args:
         steps: steps of each phase, length P.
         limited: whether there is a floor or a ceiling.
+        tolerant: whether the flight may end anywhere within the tolerance.
 
     Unknowns in this order: h (P,), X (5, N+1) and U (2, N) by columns; parameters: gravity, hoops
-    (4, P-1); constraints: step gaps (5 N,), heights (2 N,) if limited, crossings (3 (P-1),).
+    (4, P-1), target (6,); constraints: step gaps (5 N,), heights (2 N,) if limited, crossings
+    (3 (P-1),), arrival (3,) if tolerant.
     """
     count, hoop_count = sum(steps), len(steps) - 1
     h = ca.MX.sym("h", len(steps))
     states, controls = ca.MX.sym("X", 5, count + 1), ca.MX.sym("U", 2, count)
-    gravity, hoops = ca.MX.sym("g"), ca.MX.sym("hoops", 4, hoop_count)
+    gravity, hoops, target = ca.MX.sym("g"), ca.MX.sym("hoops", 4, hoop_count), ca.MX.sym("target", 6)
     lengths = ca.horzcat(*(ca.repmat(h[i], 1, n) for i, n in enumerate(steps)))
     constraints = [tr.gaps(states, controls, lengths, gravity)]
     if limited:
         constraints.append(tr.heights(states, lengths))
     for i, node in enumerate(np.cumsum(steps)[:-1]):
         constraints.append(tr.crossing(states[:, int(node)], hoops[:, i]))
+    if tolerant:
+        constraints.append(tr.arrival(states[:, -1], target))
     problem = {
         "x": ca.vertcat(h, ca.vec(states), ca.vec(controls)),
-        "p": ca.vertcat(gravity, ca.vec(hoops)),
+        "p": ca.vertcat(gravity, ca.vec(hoops), target),
         "f": ca.dot(ca.DM(steps), h),
         "g": ca.vertcat(*constraints),
     }
     return ca.nlpsol("shooting", "ipopt", problem, {"expand": True, **tr.IPOPT})
 
 
-def bounds(scenario: Scenario, steps: tuple[int, ...], winding: int) -> dict[str, Array]:
+def bounds(scenario: Scenario, steps: tuple[int, ...], winding: int, tolerant: bool) -> dict[str, Array]:
     """Return the bounds and parameters of `program` for one scenario and winding."""
     count, q = sum(steps), scenario.quadrotor
     low, high = tr.state_limits(scenario, count + 1)
-    low[:, -1] = high[:, -1] = scenario.goal_state + [0, 0, 0, 0, 2 * np.pi * winding]
+    if not tolerant:
+        low[:, -1] = high[:, -1] = scenario.goal_state + [0, 0, 0, 0, 2 * np.pi * winding]
     floor, ceiling = tr.height_limits(scenario)
-    limited = 2 * count * bool(np.isfinite([floor, ceiling]).any())
+    limited = 2 * count * tr.limited(scenario)
+    arrival = 3 * tolerant
     crossing_low, crossing_high = tr.crossing_limits(scenario)
     return {
         "lbx": np.concatenate([np.full(len(steps), 1e-5), low.T.ravel(), np.tile(q.control_low, count)]),
         "ubx": np.concatenate([LONGEST / np.array(steps), high.T.ravel(), np.tile(q.control_high, count)]),
-        "lbg": np.concatenate([np.zeros(5 * count), np.full(limited, floor), crossing_low]),
-        "ubg": np.concatenate([np.zeros(5 * count), np.full(limited, ceiling), crossing_high]),
-        "p": np.append(q.gravity, tr.hoop_parameters(scenario).T.ravel()),
+        "lbg": np.concatenate([np.zeros(5 * count), np.full(limited, floor), crossing_low, np.zeros(arrival)]),
+        "ubg": np.concatenate([np.zeros(5 * count), np.full(limited, ceiling), crossing_high, np.ones(arrival)]),
+        "p": np.concatenate([[q.gravity], tr.hoop_parameters(scenario).T.ravel(), tr.arrival_target(scenario, winding)]),
     }
 
 
@@ -126,7 +132,12 @@ def first_guess(
 
 
 def shoot(
-    scenario: Scenario, winding: int = 0, *, nodes: int = NODES, generator: np.random.Generator | None = None
+    scenario: Scenario,
+    winding: int = 0,
+    *,
+    nodes: int = NODES,
+    tolerant: bool = False,
+    generator: np.random.Generator | None = None,
 ) -> Shot:
     """Solve one winding of a scenario from one start.
 
@@ -134,11 +145,13 @@ def shoot(
         scenario: what to fly.
         winding: whole turns of the tilt between start and goal, positive towards +x.
         nodes: steps of the whole flight, shared out over the phases.
+        tolerant: end anywhere within the scenario's tolerance instead of exactly at rest.
         generator: draws a random start; None takes the plain one.
     """
     steps = phase_steps(scenario, nodes)
-    solver = program(steps, scenario.floor is not None or scenario.ceiling is not None)
-    result = solver(x0=first_guess(scenario, steps, winding, generator), **bounds(scenario, steps, winding))
+    solver = program(steps, tr.limited(scenario), tolerant)
+    guess = first_guess(scenario, steps, winding, generator)
+    result = solver(x0=guess, **bounds(scenario, steps, winding, tolerant))
     stats, values = solver.stats(), np.array(result["x"]).ravel()
     count, head = sum(steps), len(steps)
     h = np.repeat(values[:head], steps)

@@ -76,14 +76,32 @@ def crossing(state: Any, hoop: Any) -> Any:
     )
 
 
+def arrival(state: Any, target: Any) -> Any:
+    """Return how far a state (5,) is from a target, in squared tolerances: position, speed, angle; 1 is just arrived.
+
+    `target` is [x, z, theta, position, speed, angle]: where to arrive, and the tolerances.
+    """
+    return ca.vertcat(
+        ((state[0] - target[0]) ** 2 + (state[1] - target[1]) ** 2) / target[3] ** 2,
+        (state[2] ** 2 + state[3] ** 2) / target[4] ** 2,
+        (state[4] - target[2]) ** 2 / target[5] ** 2,
+    )
+
+
+def arrival_target(scenario: Scenario, winding: int) -> Array:
+    """Return the scenario's goal after `winding` turns as `arrival` wants it, shape (6,)."""
+    tolerance = scenario.tolerance
+    return np.array([*scenario.goal, 2 * np.pi * winding, tolerance.position, tolerance.speed, tolerance.angle])
+
+
 def hoop_parameters(scenario: Scenario) -> Array:
     """Return the scenario's hoops as `crossing` wants them, shape (4, H)."""
     return np.array([[*hoop.centre, *hoop.direction] for hoop in scenario.hoops]).reshape(-1, 4).T
 
 
-def crossing_limits(scenario: Scenario) -> tuple[Array, Array]:
-    """Return least and greatest values of `crossing` for all hoops, each shape (3 H,)."""
-    half = [hoop.diameter / 2 - scenario.quadrotor.radius for hoop in scenario.hoops]
+def crossing_limits(scenario: Scenario, margin: float = 0.0) -> tuple[Array, Array]:
+    """Return least and greatest values of `crossing`, `margin` metres inside the gaps, each shape (3 H,)."""
+    half = [hoop.diameter / 2 - scenario.quadrotor.radius - margin for hoop in scenario.hoops]
     low, high = [[0.0, -gap, 0.0] for gap in half], [[0.0, gap, np.inf] for gap in half]
     return np.ravel(low), np.ravel(high)
 
@@ -102,6 +120,11 @@ def height_limits(scenario: Scenario) -> tuple[float, float]:
         -math.inf if scenario.floor is None else scenario.floor,
         math.inf if scenario.ceiling is None else scenario.ceiling,
     )
+
+
+def limited(scenario: Scenario) -> bool:
+    """Return whether there is a floor or a ceiling."""
+    return scenario.floor is not None or scenario.ceiling is not None
 
 
 def legs(scenario: Scenario) -> tuple[Array, Array]:

@@ -1,0 +1,197 @@
+"""What can be shown of a flight without its solver: limits, replay, hoops, heights, a bound.
+
+Nothing here is shared with the transcriptions. The flight is asked for its state and control at
+any time; its controls, averaged over short intervals, are flown again through `Quadrotor.step`
+from the start, and the arcs so flown - not the solver's nodes - are held against hoops, floor and
+ceiling. Limits are looked at on a fine grid inside every interval, where the published
+transcription fails. What could not be shown is inf, never 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from flatgym.arc import Arc
+from flatgym.quadrotor import Array
+from flatgym.scenario import Scenario
+
+from optimal.bounds import projection_bound
+from optimal.trajectory import Flight
+
+TOLERANCE = 1e-6
+"""Largest violation (relative for controls, in m, m/s, rad otherwise) of a certified flight."""
+POINTS = 32
+"""Points at which an interval of a flight is looked at."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What was shown of a flight.
+
+    Attributes:
+        max_control_violation: largest excess of thrust or rate over its limits, relative to the
+            upper limit, in continuous time.
+        max_path_violation: largest depth below the floor or above the ceiling, in continuous time [m].
+        replay_error: largest difference between the flight's states and its controls flown again
+            through `Quadrotor.step` [m, m/s, rad].
+        terminal_error: largest difference of the replay's last state from rest at the goal, theta
+            modulo 2 pi, and of the flight's first state from rest at the start [m, m/s, rad].
+        hoop_clearance: least distance to the ends of a gap when crossing it [m]; negative outside the
+            gap, -inf where a hoop is never crossed, inf where there is no hoop.
+        hamiltonian_drift: inf, as no costates are examined yet.
+        lower_bound: a time no flight can beat [s].
+        gap: time / lower_bound - 1.
+    """
+
+    max_control_violation: float = math.inf
+    max_path_violation: float = math.inf
+    replay_error: float = math.inf
+    terminal_error: float = math.inf
+    hoop_clearance: float = -math.inf
+    hamiltonian_drift: float = math.inf
+    lower_bound: float = 0.0
+    gap: float = math.inf
+
+    def holds(self, tolerance: float = TOLERANCE) -> bool:
+        """Return whether the flight keeps every limit and the task, to `tolerance`."""
+        return (
+            self.max_control_violation <= tolerance
+            and self.max_path_violation <= tolerance
+            and self.replay_error <= tolerance
+            and self.terminal_error <= tolerance
+            and self.hoop_clearance >= -tolerance
+        )
+
+    def row(self) -> dict[str, float]:
+        """Return the fields by name."""
+        return asdict(self)
+
+
+def certify(flight: Flight | None, scenario: Scenario) -> Certificate:
+    """Examine a flight against a scenario; None, or a flight with a NaN, shows nothing.
+
+    Args:
+        flight: anything that answers as a `Flight` does.
+        scenario: the task it claims to solve, between exact rest and exact rest.
+    """
+    bound = projection_bound(scenario)
+    if flight is None:
+        return Certificate(lower_bound=bound)
+    time = fine_grid(flight.breakpoints)
+    states = flight.state(time)
+    middle = (time[:-1] + time[1:]) / 2
+    if not (np.isfinite(states).all() and np.isfinite(flight.control(middle)).all()):
+        return Certificate(lower_bound=bound)
+    replay, arcs = fly_again(flight, scenario, time, states)
+    return Certificate(
+        max_control_violation=control_violation(flight, arcs, scenario),
+        max_path_violation=path_violation(arcs, scenario),
+        replay_error=float(np.abs(replay - states).max()),
+        terminal_error=max(
+            rest_error(replay[-1], scenario.goal_state), float(np.abs(states[0] - scenario.start_state).max())
+        ),
+        hoop_clearance=hoop_clearance(arcs, scenario),
+        lower_bound=bound,
+        gap=flight.duration / bound - 1 if bound > 0 else math.inf,
+    )
+
+
+def fine_grid(breakpoints: Array, points: int = POINTS) -> Array:
+    """Return the breakpoints with every interval cut into `points` parts, shape (N points + 1,)."""
+    share = np.arange(points) / points
+    inner = breakpoints[:-1, None] + np.diff(breakpoints)[:, None] * share
+    return np.append(inner.ravel(), breakpoints[-1])
+
+
+def control_violation(flight: Flight, arcs: Arc, scenario: Scenario) -> float:
+    """Return the largest relative excess over the scenario's limits, of the controls told and of those flown again.
+
+    The ends of an interval are looked at from inside, where the controls may jump.
+    """
+    low, high = scenario.quadrotor.control_low, scenario.quadrotor.control_high
+    share = np.concatenate([[1e-9], np.arange(1, POINTS) / POINTS, [1 - 1e-9]])
+    time = flight.breakpoints[:-1, None] + np.diff(flight.breakpoints)[:, None] * share
+    control = np.concatenate([flight.control(time.ravel()), arcs.control])
+    return float(max(0.0, np.max(np.maximum(low - control, control - high) / high)))
+
+
+def fly_again(flight: Flight, scenario: Scenario, time: Array, states: Array) -> tuple[Array, Arc]:
+    """Fly the flight's controls, averaged over each interval of `time`, from the scenario's start.
+
+    Returns:
+        The states at `time`, shape (n, 5), and the n - 1 arcs between them.
+
+    The average rate is the change of the tilt over the interval, the thrust is taken in its middle.
+    Each arc is flown from zero position and velocity; as these enter the equations linearly and
+    gravity is uniform, the arcs add up exactly.
+    """
+    q, dt = scenario.quadrotor, np.diff(time)
+    middle = flight.control((time[:-1] + time[1:]) / 2)
+    controls = np.stack([middle[:, 0], np.diff(states[:, 4]) / dt], axis=-1)
+    theta = scenario.start_state[4] + np.append(0.0, np.cumsum(controls[:, 1] * dt))
+    still = np.zeros((len(dt), 5))
+    still[:, 4] = theta[:-1]
+    change = q.step(still, controls, dt)
+    velocity = np.concatenate([np.zeros((1, 2)), np.cumsum(change[:, 2:4], axis=0)])
+    way = np.concatenate([np.zeros((1, 2)), np.cumsum(velocity[:-1] * dt[:, None] + change[:, 0:2], axis=0)])
+    replay = np.concatenate([way + scenario.start_state[0:2], velocity, theta[:, None]], axis=1)
+    return replay, Arc(q, replay[:-1], controls, dt)
+
+
+def path_violation(arcs: Arc, scenario: Scenario) -> float:
+    """Return the largest depth of the arcs below the floor or above the ceiling [m]."""
+    depth, up = 0.0, np.array([0.0, 1.0])
+    if scenario.floor is not None:
+        depth = max(depth, scenario.floor - float(arcs.lowest(up).min()))
+    if scenario.ceiling is not None:
+        depth = max(depth, -float(arcs.lowest(-up).min()) - scenario.ceiling)
+    return depth
+
+
+def hoop_crossings(arcs: Arc, scenario: Scenario) -> list[tuple[float, float]]:
+    """Return (time [s], clearance [m]) of each hoop's crossing, each after the one before.
+
+    The first crossing inside the gap counts, else the first at all; the list ends early at a hoop
+    that is never crossed.
+    """
+    found: list[tuple[float, float]] = []
+    begin, after, began = 0, 0.0, np.append(0.0, np.cumsum(arcs.dt))
+    for hoop in scenario.hoops:
+        rest = arcs[np.arange(begin, len(arcs))]
+        shape = (len(rest), 2)
+        earliest = np.zeros(len(rest))
+        earliest[:1] = after
+        when = rest.crossing(np.broadcast_to(hoop.centre, shape), np.broadcast_to(hoop.direction, shape), earliest)
+        crossings = np.flatnonzero(~np.isnan(when))
+        if not crossings.size:
+            break
+        aside = (rest[crossings].at(when[crossings])[:, 0:2] - hoop.centre) @ hoop.across
+        clearance = hoop.diameter / 2 - scenario.quadrotor.radius - np.abs(aside)
+        chosen = int(np.argmax(clearance >= -TOLERANCE))
+        begin, after = begin + int(crossings[chosen]), float(when[crossings[chosen]])
+        found.append((float(began[begin]) + after, float(clearance[chosen])))
+    return found
+
+
+def hoop_clearance(arcs: Arc, scenario: Scenario) -> float:
+    """Return the least clearance of all hoops [m]; -inf where one is never crossed, inf where there is none."""
+    crossings = hoop_crossings(arcs, scenario)
+    if len(crossings) < len(scenario.hoops):
+        return -math.inf
+    return min((clearance for _, clearance in crossings), default=math.inf)
+
+
+def crossing_times(flight: Flight, scenario: Scenario) -> Array:
+    """Return when a flight crosses each hoop [s], shape (H,) or shorter where one is never crossed."""
+    time = flight.breakpoints
+    _, arcs = fly_again(flight, scenario, time, flight.state(time))
+    return np.array([time for time, _ in hoop_crossings(arcs, scenario)])
+
+
+def rest_error(state: Array, rest: Array) -> float:
+    """Return the largest difference of a state from rest, theta modulo whole turns [m, m/s, rad]."""
+    error = state - rest
+    error[4] -= 2 * np.pi * np.round(error[4] / (2 * np.pi))
+    return float(np.abs(error).max())
