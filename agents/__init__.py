@@ -1,0 +1,11 @@
+"""The learners: Stable-Baselines3 on the batched environment, demonstrations, and scores against K*."""
+
+from flatgym.extras import require
+
+require("agents", "stable_baselines3", "torch", "minari", "pandas")
+
+from agents import demonstrations  # noqa: E402
+from agents.evaluate import FasterThanOptimal, evaluate, fly  # noqa: E402
+from agents.vec_env import FlatQuadVecEnv, make_vec_env  # noqa: E402
+
+__all__ = ["FasterThanOptimal", "FlatQuadVecEnv", "demonstrations", "evaluate", "fly", "make_vec_env"]

@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from flatgym.catalogue import DEFAULT_SCENARIO, ScenarioLike
-from flatgym.vector import FlatQuadVectorEnv, Starts
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+
+from flatgym.catalogue import DEFAULT_SCENARIO, ScenarioLike
+from flatgym.vector import FlatQuadVectorEnv, Starts
 
 
 class FlatQuadVecEnv(VecEnv):
@@ -82,7 +83,7 @@ class FlatQuadVecEnv(VecEnv):
         self._all(indices)
         return [getattr(self.envs, method_name)(*method_args, **method_kwargs)] * self.num_envs
 
-    def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:
+    def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:  # noqa: ARG002
         """Return False for each index: nothing wraps a vehicle of a batch."""
         return [False] * len(self._rows(indices))
 

@@ -1,9 +1,13 @@
 """What happens inside one step: crossings, lowest points and closest approaches on the exact arc.
 
 Under a constant control the position over a step is known in closed form, so an event is a root
-of a smooth scalar function on the arc itself, not on the chord between samples. Within one step
-the thrust turns by well under a quarter circle, so the distance to a line has at most one turning
-point worth the name: split there, and each piece is monotone with at most one root.
+of a smooth scalar function on the arc itself, not on the chord between samples. For the distance
+to a line with normal n the pieces on which it is monotone are known too: its second derivative
+
+    n . p'' = f cos(theta - beta) - g n_z,   beta the tilt at which thrust points along n,
+
+vanishes at theta = beta +- arccos(g n_z / f), in closed form; between these tilts the velocity
+along n is monotone and has at most one root, and between those roots so has the distance.
 """
 
 from __future__ import annotations
@@ -80,6 +84,22 @@ class Arc:
         """Return d(state)/dt at a state of these arcs, shape (n, 5)."""
         return self.quadrotor.derivative(state, self.control)
 
+    def inflections(self, direction: Array) -> Array:
+        """Return when p'' . direction vanishes within the step, else its end [s], shape (n, 2).
+
+        Each of the two tilts at which it does is met at most once, as no step makes a whole turn
+        (`Scenario` sees to that).
+        """
+        (thrust, rate), theta = self.control.T, self.state[:, 4]
+        ratio = self.quadrotor.gravity * direction[:, 1] / np.maximum(thrust, 1e-300)
+        beta = np.arctan2(direction[:, 0], direction[:, 1])
+        spread = np.where(np.abs(ratio) <= 1, np.arccos(np.clip(ratio, -1, 1)), np.nan)
+        tilt = beta[:, None] + spread[:, None] * np.array([-1.0, 1.0])
+        turn = np.sign(rate)[:, None] * (tilt - theta[:, None]) % (2 * np.pi)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            time = turn / np.abs(rate)[:, None]
+        return np.where(time < self.dt[:, None], time, self.dt[:, None])
+
     def height_over(self, point: Array, direction: Array, time: Array) -> tuple[Array, Array, Array]:
         """Return (p - point) . direction with its first and second time derivative, each (n,)."""
         state = self.at(time)
@@ -90,23 +110,24 @@ class Arc:
             np.sum(acceleration * direction, axis=-1),
         )
 
-    def turning_time(self, point: Array, direction: Array) -> Array:
-        """Return when the distance over the line is extremal inside the step, else its end, (n,)."""
-        start, end = np.zeros(len(self)), self.dt
-        before = self.height_over(point, direction, start)[1]
-        after = self.height_over(point, direction, end)[1]
-        turns = before * after < 0
-        time = end.copy()
-        if turns.any():
-            sub, sign = self[turns], np.where(before < 0, 1.0, -1.0)[turns]
-            p, d = _pick(point, turns), _pick(direction, turns)
-
-            def slope(t: Array) -> tuple[Array, Array]:
-                _, first, second = sub.height_over(p, d, t)
-                return sign * first, sign * second
-
-            time[turns] = rising_root(slope, start[turns], end[turns])
-        return time
+    def monotone_times(self, direction: Array) -> Array:
+        """Return times between which p . direction is monotone, from 0 to dt [s], shape (5, n)."""
+        origin, start = np.zeros((len(self), 2)), np.zeros(len(self))
+        knots = np.sort(np.stack([start, *self.inflections(direction).T, self.dt]), axis=0)
+        slopes = [self.height_over(origin, direction, t)[1] for t in knots]
+        times = [start]
+        for low, high, before, after in zip(knots[:-1], knots[1:], slopes[:-1], slopes[1:], strict=True):
+            turns = before * after < 0
+            time = high.copy()
+            if turns.any():
+                arc, normal = self[turns], np.sign(after[turns])[:, None] * direction[turns]
+                time[turns] = rising_root(
+                    lambda t, arc=arc, normal=normal: arc.height_over(np.zeros((len(arc), 2)), normal, t)[1:],
+                    low[turns],
+                    high[turns],
+                )
+            times.append(time)
+        return np.stack([*times, self.dt])
 
     def crossing(self, point: Array, direction: Array, after: Array) -> Array:
         """Return when each path first crosses the line from below to above later than `after`.
@@ -119,27 +140,28 @@ class Arc:
         Returns:
             Times within the step [s], shape (n,); nan where the line is not crossed.
         """
-        end = self.dt
-        turn = np.clip(self.turning_time(point, direction), after, end)
-        value_after, value_turn, value_end = (self.height_over(point, direction, t)[0] for t in (after, turn, end))
-        first, second = (value_after < 0) & (value_turn >= 0), (value_turn < 0) & (value_end >= 0)
-        found = first | second
-        time = np.full(len(self), np.nan)
-        if found.any():
-            sub, p, d = self[found], _pick(point, found), _pick(direction, found)
-            low = np.where(first, after, turn)[found]
-            high = np.where(first, turn, end)[found]
-            time[found] = rising_root(lambda t: sub.height_over(p, d, t)[:2], low, high)
-        return time
+        times = np.maximum(self.monotone_times(direction), after)
+        values = [self.height_over(point, direction, t)[0] for t in times]
+        found = np.full(len(self), np.nan)
+        for low, high, before, then in zip(times[:-1], times[1:], values[:-1], values[1:], strict=True):
+            rises = (before < 0) & (then >= 0) & np.isnan(found)
+            if rises.any():
+                arc, p, normal = self[rises], point[rises], direction[rises]
+                found[rises] = rising_root(
+                    lambda t, arc=arc, p=p, normal=normal: arc.height_over(p, normal, t)[:2], low[rises], high[rises]
+                )
+        return found
 
     def lowest(self, direction: Array) -> Array:
-        """Return the least p . direction over the step [m], shape (n,)."""
+        """Return the least p . direction over the step [m] for a vector (2,), shape (n,)."""
         origin, along = np.zeros((len(self), 2)), np.broadcast_to(direction, (len(self), 2))
-        times = (np.zeros(len(self)), self.turning_time(origin, along), self.dt)
-        return np.min([self.height_over(origin, along, t)[0] for t in times], axis=0)
+        return np.min([self.height_over(origin, along, t)[0] for t in self.monotone_times(along)], axis=0)
 
     def distance(self, point: Array) -> Array:
-        """Return the least distance to points (n, 2) over the step [m], shape (n,)."""
+        """Return the least distance to points (n, 2) over the step [m], shape (n,).
+
+        The step is searched in quarters, each of which holds at most one closest approach worth the name.
+        """
 
         def approach(arc: Arc, p: Array, t: Array) -> tuple[Array, Array, Array]:
             state = arc.at(t)
@@ -148,16 +170,15 @@ class Arc:
             bend = np.sum(velocity**2 + offset * arc.derivative(state)[:, 2:4], axis=-1)
             return np.hypot(offset[:, 0], offset[:, 1]), slope, bend
 
-        start, end = np.zeros(len(self)), self.dt
-        (near_start, closing, _), (near_end, parting, _) = approach(self, point, start), approach(self, point, end)
-        least = np.minimum(near_start, near_end)
-        inside = (closing < 0) & (parting > 0)
-        if inside.any():
-            sub, p = self[inside], _pick(point, inside)
-            time = rising_root(lambda t: approach(sub, p, t)[1:], start[inside], end[inside])
-            least[inside] = approach(sub, p, time)[0]
+        times = self.dt * np.linspace(0, 1, 5)[:, None]
+        at_knots = [approach(self, point, t) for t in times]
+        least = np.min([distance for distance, _, _ in at_knots], axis=0)
+        for i in range(4):
+            inside = (at_knots[i][1] < 0) & (at_knots[i + 1][1] > 0)
+            if inside.any():
+                arc, p = self[inside], point[inside]
+                time = rising_root(
+                    lambda t, arc=arc, p=p: approach(arc, p, t)[1:], times[i][inside], times[i + 1][inside]
+                )
+                least[inside] = np.minimum(least[inside], approach(arc, p, time)[0])
         return least
-
-
-def _pick(values: Array, mask: NDArray[np.bool_]) -> Array:
-    return np.broadcast_to(values, (len(mask), 2))[mask]

@@ -10,6 +10,7 @@ from typing import TypeAlias
 from flatgym.scenario import Hoop, Scenario
 
 ScenarioLike: TypeAlias = str | Scenario
+"""A name of SCENARIOS, a scenario as a JSON text, or a Scenario."""
 
 _QUARTER = math.pi / 2
 _NAMED = (
@@ -49,7 +50,9 @@ DEFAULT_SCENARIO = "hoop"
 
 
 def scenario(name: ScenarioLike) -> Scenario:
-    """Return the named scenario; a Scenario is returned as it is.
+    """Return the named scenario; a Scenario is returned as it is, a JSON text of one is read.
+
+    JSON texts let environment specifications, which must be plain data, carry any scenario.
 
     Raises:
         ValueError: for an unknown name, listing the known ones and the nearest.
@@ -59,6 +62,8 @@ def scenario(name: ScenarioLike) -> Scenario:
         return name
     if not isinstance(name, str):
         raise TypeError(f"expected a scenario name or a Scenario, got {name!r}")
+    if name.startswith("{"):
+        return Scenario.from_json(name)
     try:
         return SCENARIOS[name]
     except KeyError:

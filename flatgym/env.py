@@ -19,12 +19,12 @@ REWARDS = ("shaped", "sparse")
 RESET_OPTIONS = ("state", "hoops_passed")
 
 
-def observation_space() -> gym.spaces.Box:
+def observation_space() -> gym.Space[Any]:
     """The space of one observation, named by OBSERVATION_NAMES."""
     return gym.spaces.Box(-1.0, 1.0, (len(OBSERVATION_NAMES),), np.float32)
 
 
-def action_space() -> gym.spaces.Box:
+def action_space() -> gym.Space[Any]:
     """The space of one action: thrust and rate, scaled to [-1, 1]."""
     return gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
 
@@ -94,8 +94,10 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     | 0-1 | goal_x, goal_z | goal minus position |
     | 2-3 | velocity_x, velocity_z | velocity |
     | 4-5 | sin_theta, cos_theta | attitude |
-    | 6-10 | hoop1_x, hoop1_z, hoop1_direction_x, hoop1_direction_z, hoop1_diameter | the next hoop: centre minus position, direction of passage, gap; zeros when there is none |
-    | 11-15 | hoop2_... | the hoop after it |
+    | 6-7 | hoop1_x, hoop1_z | centre of the next hoop minus position; zeros when there is none |
+    | 8-9 | hoop1_direction_x, hoop1_direction_z | its direction of passage |
+    | 10 | hoop1_diameter | its gap |
+    | 11-15 | hoop2_... | the same of the hoop after it |
     | 16-17 | floor, ceiling | height above the floor, below the ceiling; 1 when there is none |
     | 18 | time | elapsed share of the time limit |
 
@@ -171,10 +173,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     def _info(self) -> dict[str, Any]:
         assert self._situation is not None
         arrays = task.info(self.scene, self._situation)
-        return {
-            key: value[0].copy() if key == "state" else value[0].item() if hasattr(value[0], "item") else value[0]
-            for key, value in arrays.items()
-        }
+        return {key: values[0].copy() if key == "state" else values.tolist()[0] for key, values in arrays.items()}
 
 
 _named = scenario

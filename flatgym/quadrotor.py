@@ -51,7 +51,7 @@ def spherical_bessel(a: Any, ops: Any = np) -> tuple[Any, Any]:
     )
 
 
-def exact_step(state: Any, control: Any, h: Any, gravity: float, ops: Any = np) -> tuple[Any, ...]:
+def exact_step(state: Any, control: Any, h: Any, gravity: Any, ops: Any = np) -> tuple[Any, ...]:
     """Return the five components of the state after h seconds of constant control.
 
     `state` and `control` are sequences of 5 and 2 components (arrays or symbols that

@@ -147,6 +147,11 @@ class Scenario:
         self._check_vehicle()
         self._check_heights()
         self._check_hoops()
+        if self.dt * self.quadrotor.rate_max >= 2 * math.pi:
+            raise ValueError(
+                f"Scenario.dt must be below 2 pi / rate_max = {2 * math.pi / self.quadrotor.rate_max:.4g} s, so that "
+                f"no step makes a whole turn, got {self.dt}"
+            )
         if self.time_limit < self.dt:
             raise ValueError(f"Scenario.time_limit must be at least dt = {self.dt}, got {self.time_limit}")
         if not self.hoops and math.dist(self.start, self.goal) <= self.tolerance.position:

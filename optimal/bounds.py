@@ -14,6 +14,7 @@ lower it: a short argument that anyone can check, though not a tight one.
 from __future__ import annotations
 
 import numpy as np
+
 from flatgym.scenario import Scenario, Tolerance
 
 DIRECTIONS = 7200

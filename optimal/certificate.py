@@ -13,10 +13,10 @@ import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
+
 from flatgym.arc import Arc
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
-
 from optimal.bounds import projection_bound
 from optimal.trajectory import Flight
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 from typing import Any
 
 from flatgym.scenario import Scenario
-
 from optimal.certificate import Certificate
 from optimal.trajectory import Flight
 
 
-class Status(str, Enum):
+class Status(StrEnum):
     """How a solve ended, as a sentence that says what to do about it."""
 
     SOLVED = "Solved: the flight is certified within its limits in continuous time."
@@ -32,9 +31,6 @@ class Status(str, Enum):
     NO_STEPS_FOUND = (
         "Not solved: no flight was found in the number of steps tried; raise the time limit or check the scenario."
     )
-
-    def __str__(self) -> str:
-        return self.value
 
 
 class SolveFailed(RuntimeError):

@@ -8,16 +8,15 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
+
 from flatgym.catalogue import ScenarioLike, scenario
 from flatgym.scenario import Scenario
-
 from optimal.certificate import Certificate, certify
-
-from optimal.shooting import NODES, Shot, shoot
+from optimal.planning import paper_outer_paths, plan
+from optimal.shooting import NODES, WINDINGS, Shot, shoot
 from optimal.solution import Solution, SolveFailed, Status
 
 METHODS = ("shooting", "flat")
-WINDINGS = (0, 1, -1, 2, -2)
 AGREEMENT = 1e-4
 """Two flight times closer than this, relatively, are the same optimum."""
 
@@ -65,9 +64,7 @@ def solve(
     return solution
 
 
-def _shooting(
-    task: Scenario, windings: Sequence[int], starts: int, seed: int, nodes: int, begun: float
-) -> Solution:
+def _shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int, nodes: int, begun: float) -> Solution:
     if not windings or starts < 1:
         raise ValueError(f"needs at least one winding and one start, got windings={windings!r}, starts={starts!r}")
     generator = np.random.default_rng(seed)
@@ -103,3 +100,29 @@ def _first_certified(task: Scenario, shots: Sequence[Shot]) -> tuple[Shot | None
         if certificates[-1].holds():
             return shot, certificates[-1]
     return (shots[0], certificates[0]) if shots else (None, certify(None, task))
+
+
+def _flat(task: Scenario, checks: str, begun: float) -> Solution:
+    outer_paths = paper_outer_paths(task)
+    found = plan(outer_paths.paths, task.quadrotor, ends=outer_paths.ends, checks=checks)
+    certificate = certify(found.trajectory, task)
+    if not found.converged:
+        status = Status.NOT_CONVERGED
+    elif checks == "nodes":
+        status = Status.LIMITS_AT_NODES_ONLY
+    else:
+        status = Status.SOLVED if certificate.holds() else Status.NOT_CERTIFIED
+    trusted = status in (Status.SOLVED, Status.LIMITS_AT_NODES_ONLY)
+    return Solution(
+        scenario=task,
+        method="flat",
+        time=found.time if trusted else math.inf,
+        status=status,
+        winding=0,
+        trajectory=found.trajectory,
+        certificate=certificate,
+        iterations=found.iterations,
+        solve_time=time.perf_counter() - begun,
+        starts=1,
+        agreed=int(trusted),
+    )

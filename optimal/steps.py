@@ -24,19 +24,18 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
+
 from flatgym import task
 from flatgym.catalogue import ScenarioLike, scenario
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
 from flatgym.task import Scene
-from numpy.typing import NDArray
-
 from optimal import transcription as tr
 from optimal.bounds import projection_bound
 from optimal.certificate import crossing_times
-from optimal.shooting import Shot, shoot
+from optimal.shooting import WINDINGS, Shot, shoot
 from optimal.solution import SolveFailed, Status
-from optimal.solve import WINDINGS
 
 HOOP_MARGIN = 1e-5
 """How far inside a gap a planned crossing stays [m]: float32 actions move the path by less."""
@@ -187,9 +186,7 @@ def _bounds(target: Scenario, shot: Shot, crossings: Sequence[int], count: int) 
     return {
         "lbx": np.concatenate([[0.0], low.T.ravel(), np.tile(q.control_low, count), np.tile(copy_low, hoop_count)]),
         "ubx": np.concatenate([[1e6], high.T.ravel(), np.tile(q.control_high, count), np.tile(copy_high, hoop_count)]),
-        "lbg": np.concatenate(
-            [np.zeros(5 * count), np.full(heights, floor), zeros, crossing_low, np.full(3, -np.inf)]
-        ),
+        "lbg": np.concatenate([np.zeros(5 * count), np.full(heights, floor), zeros, crossing_low, np.full(3, -np.inf)]),
         "ubg": np.concatenate([np.zeros(5 * count), np.full(heights, ceiling), zeros, crossing_high, np.zeros(3)]),
         "p": np.concatenate([*parameters, picks.ravel()]),
     }

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from flatgym.quadrotor import Array, Quadrotor
 from numpy.typing import ArrayLike
+
+from flatgym.quadrotor import Array, Quadrotor
 
 
 class Flight(Protocol):
@@ -23,16 +24,21 @@ class Flight(Protocol):
     @property
     def quadrotor(self) -> Quadrotor:
         """The vehicle flown."""
+
     @property
     def duration(self) -> float:
         """Time from start to goal [s]."""
+
     @property
     def breakpoints(self) -> Array:
         """Times between which the flight is smooth [s], increasing from 0 to duration, shape (N+1,)."""
+
     def __call__(self, t: ArrayLike, order: int = 0) -> Array:
         """Return the position (order 0) or its derivative of that order in time, shape (..., 2)."""
+
     def state(self, t: ArrayLike) -> Array:
         """Return [x, z, vx, vz, theta], shape (..., 5)."""
+
     def control(self, t: ArrayLike) -> Array:
         """Return [thrust, rate], shape (..., 2)."""
 

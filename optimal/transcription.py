@@ -13,10 +13,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+
 from flatgym.quadrotor import Array, exact_step
 from flatgym.scenario import Scenario
 
-IPOPT = {
+IPOPT: dict[str, Any] = {
     "ipopt.tol": 1e-9,
     "ipopt.constr_viol_tol": 1e-10,
     "ipopt.acceptable_iter": 0,
