@@ -6,7 +6,9 @@ require("optimal", "casadi", "scipy")
 
 from optimal.bounds import projection_bound as lower_bound
 from optimal.certificate import Certificate, certify
+from optimal.planning import plan
 from optimal.solution import Solution, SolveFailed, Status
+from optimal.solve import solve
 from optimal.steps import FewestSteps, fewest_steps
 from optimal.trajectory import Samples, Trajectory
 
@@ -21,4 +23,6 @@ __all__ = [
     "certify",
     "fewest_steps",
     "lower_bound",
+    "plan",
+    "solve",
 ]

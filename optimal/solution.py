@@ -87,5 +87,5 @@ class Solution:
             "iterations": self.iterations,
             "solve_time_s": self.solve_time,
             "lower_bound_s": self.certificate.lower_bound,
-            **self.certificate.row(),
+            **{name: value for name, value in self.certificate.row().items() if name != "lower_bound"},
         }

@@ -1,0 +1,180 @@
+"""The command `flatquad`: a thin skin over the packages, a table or JSON for every answer.
+
+Exit status: 0 done, 1 failed (no certified flight, say), 2 bad arguments.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import pandas as pd
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+import flatgym
+import optimal
+from experiments.files import plain
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="FlatQuad: how far from time-optimal is a learned quadrotor policy?",
+    rich_markup_mode="rich",
+)
+screen, messages = Console(), Console(stderr=True)
+
+Scenario = Annotated[str, typer.Argument(help="Name of a scenario; `flatquad list` shows them.", show_default=False)]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+RESULTS = Path("experiments/results")
+
+
+def progress_bar() -> Progress:
+    """Return a progress bar on standard error, so that standard output stays clean for data."""
+    return Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[note]}"),
+        console=messages,
+    )
+
+
+def show(rows: pd.DataFrame, as_json: bool, title: str = "") -> None:
+    """Print rows as a table, or as a JSON list of objects."""
+    if as_json:
+        typer.echo(json.dumps(plain(rows.to_dict("records")), indent=1))
+        return
+    table = Table(title=title, header_style="bold", title_justify="left")
+    for column in rows.columns:
+        table.add_column(column, justify="right" if pd.api.types.is_numeric_dtype(rows[column]) else "left")
+    for _, row in rows.iterrows():
+        table.add_row(*(_cell(value) for value in row))
+    screen.print(table)
+
+
+def _cell(value: Any) -> str:
+    if value is None or (isinstance(value, float) and pd.isna(value)):
+        return "-"
+    if isinstance(value, bool) or not isinstance(value, float):
+        return str(value)
+    return f"{value:.6g}" if abs(value) >= 1e-3 else f"{value:.2g}"
+
+
+@app.command("list", epilog="Example: flatquad list --json")
+def list_scenarios(as_json: AsJson = False) -> None:
+    """List the named scenarios."""
+    rows = [
+        {
+            "scenario": s.name,
+            "start": f"({s.start[0]:g}, {s.start[1]:g})",
+            "goal": f"({s.goal[0]:g}, {s.goal[1]:g})",
+            "hoops": len(s.hoops),
+            "floor": s.floor,
+            "dt_s": s.dt,
+        }
+        for s in flatgym.SCENARIOS.values()
+    ]
+    show(pd.DataFrame(rows), as_json, "Scenarios")
+
+
+@app.command(epilog="Example: flatquad solve hoop; flatquad solve horizontal-6 --method flat")
+def solve(
+    scenario: Scenario,
+    method: Annotated[str, typer.Option(help="shooting, or flat: the paper's eq. (10).")] = "shooting",
+    checks: Annotated[str, typer.Option(help="flat only: certified, or nodes as published.")] = "certified",
+    steps: Annotated[bool, typer.Option("--steps", help="Also find K*, the fewest environment steps.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find the time-optimal flight of a scenario and certify it."""
+    with progress_bar() as bar:
+        bar.add_task(f"solving {scenario}", total=None, note="")
+        solution = optimal.solve(scenario, method=method, checks=checks)
+        row = solution.row()
+        if steps:
+            row["k_star"] = optimal.fewest_steps(scenario).steps
+    show(pd.DataFrame([row]) if as_json else _upright(row), as_json, solution.status.value)
+
+
+def _upright(row: dict[str, Any]) -> pd.DataFrame:
+    """Return one row as a table of two columns, which fits a terminal."""
+    return pd.DataFrame({"field": list(row), "value": [_cell(value) for value in row.values()]})
+
+
+@app.command(epilog="Example: flatquad paper --json")
+def paper(as_json: AsJson = False) -> None:
+    """Compare the paper's printed times with what can be flown."""
+    from experiments.paper import PRINTED, table
+
+    with progress_bar() as bar:
+        work = bar.add_task("the paper's cases", total=len(PRINTED), note="")
+        rows = table(progress=lambda: bar.advance(work))
+    if as_json:
+        show(rows, as_json)
+        return
+    show(rows.drop(columns="flat_status"), as_json, "The paper's flights: printed, rebuilt, flown")
+    screen.print(
+        "nodes_only: the published transcription, limits at grid nodes only; its violation is the largest\n"
+        "excess between nodes, relative to the limit. flat_certified, shooting: within all limits at all times.\n"
+        "lower_bound: no flight is faster, by a bound on thrust alone."
+    )
+
+
+@app.command(epilog="Example: flatquad demos hoop -n 8")
+def demos(
+    scenario: Scenario,
+    number: Annotated[int, typer.Option("-n", "--number", min=1, help="How many flights.")] = 8,
+    seed: Annotated[int, typer.Option(help="Seed of the displaced starts.")] = 0,
+    out: Annotated[str, typer.Option(help="Minari id of the dataset; by default named after the scenario.")] = "",
+    as_json: AsJson = False,
+) -> None:
+    """Record fewest-steps flights as a Minari dataset."""
+    from agents import demonstrations
+
+    with progress_bar() as bar:
+        work = bar.add_task(f"demonstrations of {scenario}", total=number, note="")
+        flights = demonstrations.plan(scenario, number, seed, progress=lambda: bar.advance(work))
+    dataset = demonstrations.record(scenario, flights, out or None)
+    row = {"dataset": dataset.id, "episodes": int(dataset.total_episodes), "steps": int(dataset.total_steps)}
+    show(pd.DataFrame([row]), as_json, "Recorded")
+
+
+@app.command(epilog="Example: flatquad benchmark --seconds 200")
+def benchmark(
+    seconds: Annotated[float, typer.Option(min=1.0, help="Wall time of each training [s].")] = 200.0,
+    seed: Annotated[int, typer.Option(help="Seed of demonstrations and training.")] = 0,
+    out: Annotated[Path, typer.Option(help="Folder for results and figures.")] = RESULTS,
+    as_json: AsJson = False,
+) -> None:
+    """Solve, demonstrate, train and score: how far from optimal is PPO?"""
+    from experiments import rl_vs_optimal
+
+    command = " ".join(["flatquad", *sys.argv[1:]])
+    with progress_bar() as bar:
+        results = rl_vs_optimal.run(out, seconds=seconds, seed=seed, command=command, bar=bar)
+    rows = pd.DataFrame(results["scores"])
+    shown = ["scenario", "agent", "success_rate", "steps", "k_star", "gap", "env_steps", "wall_time_s"]
+    show(rows if as_json else rows[shown], as_json, "Scores")
+    messages.print(f"results and figures: {out.resolve()}")
+
+
+def main() -> None:
+    """Run the command; turn what went wrong into a sentence and an exit status."""
+    try:
+        app()
+    except ValueError as error:
+        messages.print(f"[bold red]error:[/] {error}", highlight=False)
+        sys.exit(2)
+    except (optimal.SolveFailed, ImportError, OSError) as error:
+        messages.print(f"[bold red]failed:[/] {error}", highlight=False)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()
