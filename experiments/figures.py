@@ -178,8 +178,9 @@ def learning(curve: Sequence[Mapping[str, Any]], k_star: float, title: str) -> g
     return layout(figure, title)
 
 
-def write(figure: go.Figure, path: Path) -> None:
+def write(figure: go.Figure, path: Path | str) -> None:
     """Write a figure as a page of its own; plotly.min.js is put beside it once."""
+    path = Path(path)
     script = path.with_name("plotly.min.js")
     if not script.exists():
         from plotly.offline import get_plotlyjs

@@ -255,6 +255,20 @@ def _squash(value: Array, unit: float, most: float) -> Array:
     return np.clip(np.arcsinh(value / unit) / np.arcsinh(most / unit), -1.0, 1.0)
 
 
+def fly_actions(scenario: Scenario, actions: NDArray[Any]) -> list[Situation]:
+    """Fly actions (K, 2) from the scenario's start; return the situations, from the start to the end of the flight.
+
+    The list is shorter than K + 1 when the flight ends before the last action.
+    """
+    scene = Scene.of([scenario])
+    situations = [initial(scene)]
+    for action in actions:
+        if situations[-1].outcome[0] != FLYING:
+            break
+        situations.append(advance(scene, situations[-1], scenario.quadrotor.control(action)[None]))
+    return situations
+
+
 def observe(scene: Scene, situation: Situation) -> NDArray[np.float32]:
     """Return the observations named in OBSERVATION_NAMES, all in [-1, 1], shape (n, 19)."""
     state, n = situation.state, len(scene)

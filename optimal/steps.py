@@ -30,7 +30,6 @@ from flatgym import task
 from flatgym.catalogue import ScenarioLike, scenario
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
-from flatgym.task import Scene
 from optimal import transcription as tr
 from optimal.bounds import projection_bound
 from optimal.certificate import crossing_times
@@ -128,15 +127,9 @@ def replay(target: Scenario, actions: NDArray[np.float32]) -> Array | None:
 
     None unless the flight reaches the goal with the last action and not before.
     """
-    scene = Scene.of([target])
-    situation = task.initial(scene)
-    states = [situation.state[0]]
-    for action in actions:
-        if situation.outcome[0] != task.FLYING:
-            return None
-        situation = task.advance(scene, situation, target.quadrotor.control(action)[None])
-        states.append(situation.state[0])
-    return np.array(states) if situation.outcome[0] == task.GOAL else None
+    flown = task.fly_actions(target, actions)
+    arrived = len(flown) == len(actions) + 1 and flown[-1].outcome[0] == task.GOAL
+    return np.array([situation.state[0] for situation in flown]) if arrived else None
 
 
 @lru_cache(maxsize=64)

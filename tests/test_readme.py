@@ -1,0 +1,42 @@
+"""The README runs, and its numbers are those of the committed results."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments import readme
+from flatgym import OUTCOMES, SCENARIOS
+from flatgym.task import fly_actions
+
+TEXT = (readme.ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+
+
+@pytest.mark.parametrize("code", BLOCKS, ids=re.findall(r"^## (\w+): the ", TEXT, re.MULTILINE))
+def test_every_code_block_runs(code, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    exec(compile(code, "README.md", "exec"), {})
+
+
+def test_tables_are_those_of_the_results():
+    assert readme.filled(TEXT) == TEXT
+
+
+def test_every_picture_is_there():
+    pictures = re.findall(r"!\[[^]]+\]\(([^)]+)\)", TEXT)
+    assert pictures
+    assert all((Path(readme.ROOT) / picture).stat().st_size > 1000 for picture in pictures)
+
+
+def test_committed_flights_replay_to_their_scores():
+    results = json.loads((readme.RESULTS / "benchmark.json").read_text(encoding="utf-8"))
+    for row in results["scores"]:
+        flights = results["flights"][row["scenario"]]
+        for agent, steps in (("optimal", row["k_star"]), ("ppo", row["steps"])):
+            flown = fly_actions(SCENARIOS[row["scenario"]], np.array(flights[agent], dtype=np.float32))
+            assert OUTCOMES[flown[-1].outcome[0]] == "goal"
+            assert len(flown) - 1 == steps
