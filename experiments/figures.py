@@ -20,9 +20,11 @@ from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenario import Scenario
 
 COLOURS = ("#0b6e99", "#d1603d", "#4f772d", "#7a4988")
-INK, FAINT = "#22303c", "#c9d1d8"
-ARM = 0.16
+INK, FAINT, FLAME = "#22303c", "#dfe4e8", "#e8a33d"
+ARM = 0.18
 """Half the width of the drawn quadrotor [m]."""
+THRUST_LENGTH = 0.02
+"""Length of the drawn thrust for each unit of it [m / (m/s^2)]."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +50,8 @@ def layout(figure: go.Figure, title: str) -> go.Figure:
     return figure
 
 
-def vehicle(state: Array) -> tuple[Array, Array]:
-    """Return the outline of the quadrotor as two broken lines: arm with rotors, and thrust axis, each (n, 2).
+def vehicle(state: Array) -> Array:
+    """Return the outline of the quadrotor as one broken line, an arm with two rotors, shape (n, 2).
 
     Coordinates are [m]; a NaN row lifts the pen.
     """
@@ -57,65 +59,96 @@ def vehicle(state: Array) -> tuple[Array, Array]:
     up = np.array([np.sin(state[4]), np.cos(state[4])])
     gap = np.full(2, np.nan)
     left, right = state[0:2] - ARM * along, state[0:2] + ARM * along
-    rotors = [left, right, gap]
+    outline = [left, right, gap]
     for end in (left, right):
         tip = end + 0.35 * ARM * up
-        rotors += [end, tip, gap, tip - 0.45 * ARM * along, tip + 0.45 * ARM * along, gap]
-    return np.array(rotors), np.array([state[0:2], state[0:2] + 1.1 * ARM * up, gap])
+        outline += [end, tip, gap, tip - 0.55 * ARM * along, tip + 0.55 * ARM * along, gap]
+    return np.array(outline)
+
+
+def thrust_line(state: Array, thrust: float) -> Array:
+    """Return the line along which the thrust pushes, of a length in proportion to it, shape (3, 2) [m]."""
+    up = np.array([np.sin(state[4]), np.cos(state[4])])
+    return np.array([state[0:2], state[0:2] + THRUST_LENGTH * thrust * up, np.full(2, np.nan)])
 
 
 def paths(scenario: Scenario, tracks: Sequence[Track], title: str, vehicles: int = 14) -> go.Figure:
-    """Return the paths of flights through a scenario, `vehicles` quadrotors drawn on each in equal time steps."""
-    figure = go.Figure()
-    _scenery(figure, scenario, np.concatenate([track.state[:, 0:2] for track in tracks]))
-    for track, colour in zip(tracks, COLOURS, strict=False):
-        group = {"legendgroup": track.name, "line": {"color": colour}}
-        x, z = track.state[:, 0], track.state[:, 1]
-        times = [f"{t:.3f} s" for t in track.time]
-        group["line"] = {"color": colour, "width": 1.6, "dash": "solid" if colour == COLOURS[0] else "dash"}
-        figure.add_scatter(x=x, y=z, mode="lines", name=track.name, text=times, **group)
-        instants = np.linspace(0.0, track.time[-1], vehicles)
-        drawn = np.stack([np.interp(instants, track.time, track.state[:, i]) for i in range(5)], axis=-1)
-        outline = np.concatenate([part for state in drawn for part in vehicle(state)])
-        group["line"] = {"color": colour, "width": 2.2}
-        figure.add_scatter(x=outline[:, 0], y=outline[:, 1], mode="lines", hoverinfo="skip", showlegend=False, **group)
-    figure.update_yaxes(scaleanchor="x", scaleratio=1, title="z [m]", zeroline=False)
-    figure.update_xaxes(title="x [m]", zeroline=False, constrain="domain")
-    return layout(figure, title)
+    """Return the paths of flights through a scenario, `vehicles` quadrotors drawn on each in equal time steps.
+
+    Each flight has a panel of its own, side by side where they are tall and stacked where they are wide.
+    """
+    points = np.concatenate([track.state[:, 0:2] for track in tracks])
+    low, high = points.min(axis=0) - 0.6, points.max(axis=0) + 0.6
+    wide = high[0] - low[0] > 2 * (high[1] - low[1])
+    rows, columns = (len(tracks), 1) if wide else (1, len(tracks))
+    figure = make_subplots(
+        rows=rows,
+        cols=columns,
+        shared_xaxes=True,
+        shared_yaxes=True,
+        subplot_titles=[track.name for track in tracks],
+        horizontal_spacing=0.05,
+        vertical_spacing=0.14,
+    )
+    for i, (track, colour) in enumerate(zip(tracks, COLOURS, strict=False)):
+        panel = {"row": i + 1, "col": 1} if wide else {"row": 1, "col": i + 1}
+        _flight(figure, track, colour, vehicles, panel)
+        _scenery(figure, scenario, low, high, panel)
+        x_axis = next(figure.select_yaxes(**panel)).anchor
+        figure.update_yaxes(
+            range=[low[1], high[1]], scaleanchor=x_axis, scaleratio=1, zeroline=False, constrain="domain", **panel
+        )
+        figure.update_xaxes(range=[low[0], high[0]], zeroline=False, constrain="domain", **panel)
+    figure.update_yaxes(title="z [m]", col=1)
+    figure.update_xaxes(title="x [m]", row=rows)
+    return layout(figure, title).update_layout(showlegend=False)
 
 
-def _scenery(figure: go.Figure, scenario: Scenario, points: Array) -> None:
-    """Draw start, goal, hoops with their direction, floor and ceiling."""
-    low, high = points.min(axis=0) - 0.5, points.max(axis=0) + 0.5
-    for height, fill_to in ((scenario.floor, low[1]), (scenario.ceiling, high[1])):
+def _flight(figure: go.Figure, track: Track, colour: str, vehicles: int, panel: dict[str, int]) -> None:
+    """Draw a path, and the vehicle with its thrust at equal time steps."""
+    instants = np.linspace(0.0, track.time[-1], vehicles)
+    drawn = np.stack([np.interp(instants, track.time, track.state[:, i]) for i in range(5)], axis=-1)
+    held = np.clip(np.searchsorted(track.time, instants, side="right") - 1, 0, len(track.time) - 2)
+    thrusts = [thrust_line(state, thrust) for state, thrust in zip(drawn, track.control[held, 0], strict=True)]
+    for line, name, style in (
+        (np.concatenate(thrusts), "thrust", {"color": FLAME, "width": 2}),
+        (track.state[:, 0:2], track.name, {"color": colour, "width": 1.5}),
+        (np.concatenate([vehicle(state) for state in drawn]), "vehicle", {"color": INK, "width": 2.2}),
+    ):
+        path = name == track.name
+        figure.add_scatter(
+            x=line[:, 0],
+            y=line[:, 1],
+            mode="lines",
+            name=name,
+            line=style,
+            text=[f"{t:.3f} s" for t in track.time] if path else None,
+            hoverinfo="all" if path else "skip",
+            **panel,
+        )
+
+
+def _scenery(figure: go.Figure, scenario: Scenario, low: Array, high: Array, panel: dict[str, int]) -> None:
+    """Draw start, goal, hoops, floor and ceiling."""
+    for height, beyond in ((scenario.floor, low[1]), (scenario.ceiling, high[1])):
         if height is not None:
             figure.add_hrect(
-                y0=min(height, fill_to), y1=max(height, fill_to), fillcolor=FAINT, opacity=0.5, line_width=0
+                y0=min(height, beyond), y1=max(height, beyond), fillcolor=FAINT, layer="below", line_width=0, **panel
             )
-            figure.add_hline(y=height, line={"color": INK, "width": 1.5})
+            figure.add_hline(y=height, line={"color": INK, "width": 1.5}, layer="below", **panel)
     for hoop in scenario.hoops:
         for side in (-1, 1):
             edge = hoop.centre + side * hoop.diameter / 2 * hoop.across
-            post = edge + side * 0.45 * hoop.across
+            post = np.array([edge, edge + side * 0.45 * hoop.across])
             figure.add_scatter(
-                x=[edge[0], post[0]],
-                y=[edge[1], post[1]],
-                mode="lines",
-                line={"color": INK, "width": 5},
-                hoverinfo="skip",
-                showlegend=False,
-            )
-    ends = np.array([scenario.start, scenario.goal])
-    figure.add_scatter(
-        x=ends[:, 0],
-        y=ends[:, 1],
-        mode="markers+text",
-        text=["start", "goal"],
-        textposition="bottom center",
-        marker={"size": 9, "color": INK, "symbol": ["circle", "star"]},
-        showlegend=False,
-        hoverinfo="skip",
-    )
+                x=post[:, 0], y=post[:, 1], mode="lines", name="hoop", line={"color": INK, "width": 5},
+                hoverinfo="skip", **panel,
+            )  # fmt: skip
+    for name, point, symbol in (("start", scenario.start, "circle-open"), ("goal", scenario.goal, "star")):
+        figure.add_scatter(
+            x=[point[0]], y=[point[1]], mode="markers", name=name, text=name, hoverinfo="text",
+            marker={"size": 11, "color": FLAME, "symbol": symbol, "line": {"color": INK, "width": 1.5}}, **panel,
+        )  # fmt: skip
 
 
 def controls(quadrotor: Quadrotor, tracks: Sequence[Track], title: str) -> go.Figure:
@@ -123,8 +156,6 @@ def controls(quadrotor: Quadrotor, tracks: Sequence[Track], title: str) -> go.Fi
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.08)
     limits = np.stack([quadrotor.control_low, quadrotor.control_high])
     for row, label in enumerate(("thrust [m/s²]", "rate [rad/s]"), start=1):
-        for limit in limits[:, row - 1]:
-            figure.add_hline(y=limit, line={"color": INK, "width": 1, "dash": "dot"}, row=row, col=1)
         for track, colour in zip(tracks, COLOURS, strict=False):
             figure.add_scatter(
                 x=track.time,
@@ -137,6 +168,9 @@ def controls(quadrotor: Quadrotor, tracks: Sequence[Track], title: str) -> go.Fi
                 row=row,
                 col=1,
             )
+        # After the traces: Plotly draws no line into a panel that is still empty.
+        for limit in limits[:, row - 1]:
+            figure.add_hline(y=limit, line={"color": INK, "width": 1, "dash": "dot"}, row=row, col=1)
         figure.update_yaxes(title=label, zeroline=False, row=row, col=1)
     figure.update_xaxes(title="time [s]", zeroline=False, row=2, col=1)
     return layout(figure, title)

@@ -50,7 +50,7 @@ def test_solve_prints_the_certified_row(monkeypatch, capsys):
         (["solve", "hop"], "did you mean 'hoop'"),
         (["solve", "hoop", "--method", "flt"], "did you mean 'flat'"),
         (["solve", "hoop", "--speed", "9"], "No such option"),
-        (["demos", "hoop", "-n", "0"], "not in the range"),
+        (["demos", "hoop", "-n", "0"], "greater than or equal"),
     ],
 )
 def test_bad_arguments_exit_2_with_the_way_out(monkeypatch, capsys, arguments, words):

@@ -17,22 +17,28 @@ def track():
 
 def test_paths_hold_the_flight_and_the_vehicles_on_it(track):
     figure = figures.paths(SCENARIOS["slalom"], [track], "title", vehicles=5)
-    line = next(trace for trace in figure.data if trace.name == "a flight")
-    np.testing.assert_array_equal(line.x, track.state[:, 0])
-    outline = next(trace for trace in figure.data if trace.hoverinfo == "skip" and trace.legendgroup == "a flight")
-    assert np.isnan(np.array(outline.x, dtype=float)).sum() == 5 * 6
+    traces = {trace.name: trace for trace in figure.data}
+    np.testing.assert_array_equal(traces["a flight"].x, track.state[:, 0])
+    lifts = len(np.flatnonzero(np.isnan(figures.vehicle(track.state[0])[:, 0])))
+    assert np.isnan(np.array(traces["vehicle"].x, dtype=float)).sum() == 5 * lifts
     assert figure.layout.yaxis.scaleanchor == "x"  # metres look the same in both directions
-    posts = [trace for trace in figure.data if trace.line.width == 5]
-    assert len(posts) == 2 * len(SCENARIOS["slalom"].hoops)
+    assert sum(trace.name == "hoop" for trace in figure.data) == 2 * len(SCENARIOS["slalom"].hoops)
+
+
+def test_each_flight_has_a_panel_of_its_own_on_the_same_scale(track):
+    figure = figures.paths(SCENARIOS["horizontal-6"], [track, track], "title")
+    assert figure.layout.yaxis.range == figure.layout.yaxis2.range
+    assert figure.layout.yaxis2.scaleanchor == "x2"
 
 
 def test_the_drawn_vehicle_stands_across_its_thrust(generator):
     for theta in generator.uniform(-7, 7, 5):
-        rotors, thrust = figures.vehicle(np.array([1.0, 2.0, 0, 0, theta]))
-        arm, axis = rotors[1] - rotors[0], thrust[1] - thrust[0]
+        state = np.array([1.0, 2.0, 0, 0, theta])
+        outline, thrust = figures.vehicle(state), figures.thrust_line(state, 20.0)
+        arm, axis = outline[1] - outline[0], thrust[1] - thrust[0]
         assert abs(arm @ axis) < 1e-12
         np.testing.assert_allclose(axis / np.hypot(*axis), [np.sin(theta), np.cos(theta)], atol=1e-12)
-        np.testing.assert_allclose((rotors[0] + rotors[1]) / 2, [1.0, 2.0])
+        np.testing.assert_allclose((outline[0] + outline[1]) / 2, [1.0, 2.0])
 
 
 def test_floor_is_drawn(track):
