@@ -84,9 +84,10 @@ def filled(text: str) -> str:
     """Return the README's text with its blocks replaced."""
     for name, block in blocks().items():
         pattern = re.compile(rf"(<!-- {name} -->\n).*?(\n<!-- /{name} -->)", re.DOTALL)
-        text, count = pattern.subn(lambda match, block=block: match[1] + block + match[2], text)
-        if count != 1:
-            raise ValueError(f"README.md must hold one block <!-- {name} --> ... <!-- /{name} -->, found {count}")
+        parts = pattern.split(text)
+        if len(parts) != 4:
+            raise ValueError(f"README.md must hold one block <!-- {name} --> ... <!-- /{name} -->")
+        text = parts[0] + parts[1] + block + parts[2] + parts[3]
     return text
 
 

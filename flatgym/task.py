@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flatgym.arc import Arc
+from flatgym.potential import CRUISE_SPEED, potential  # noqa: F401
 from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenario import Scenario, Tolerance
 
@@ -51,7 +52,6 @@ OBSERVATION_NAMES = (
 
 LENGTH_UNIT, LENGTH_MAX = 0.5, 20.0
 SPEED_UNIT, SPEED_MAX = 1.0, 30.0
-CRUISE_SPEED = 5.0
 
 
 @dataclass(frozen=True)
@@ -290,23 +290,6 @@ def observe(scene: Scene, situation: Situation) -> NDArray[np.float32]:
     columns[-2] = _squash(scene.ceiling - z, LENGTH_UNIT, LENGTH_MAX)
     columns[-1] = np.minimum(situation.steps / scene.max_steps, 1.0)
     return np.ascontiguousarray(columns.T, dtype=np.float32)
-
-
-def potential(scene: Scene, situation: Situation) -> Array:
-    """Return minus a rough time to go [s], shape (n,), 0 for flights that have ended for good.
-
-    The way left through the centres of the hoops still ahead, at a cruising speed; on the last
-    leg also what it takes to stop and to stand upright.
-    """
-    position, passed = situation.state[:, 0:2], situation.hoops_passed
-    way, here = np.zeros(len(scene)), position
-    for j in range(scene.hoop_centre.shape[1]):
-        ahead = (j >= passed) & (j < scene.hoop_count)
-        leg = np.hypot(*(scene.hoop_centre[:, j] - here).T)
-        way += np.where(ahead, leg, 0.0)
-        here = np.where(ahead[:, None], scene.hoop_centre[:, j], here)
-    way += np.hypot(*(scene.goal - here).T)
-    return np.where(situation.terminated, 0.0, -way / CRUISE_SPEED)
 
 
 def reward(scene: Scene, before: Situation, after: Situation, shaped: bool) -> Array:

@@ -13,13 +13,14 @@ vector could cut through its hole, turning by half a turn in no time. So between
 the tilt may turn by no more than rate_max times the time that passes, which every flight obeys.
 
 Building a program costs more than solving it, so there is one for each number of intervals, and
-everything else is a parameter: the grid (through its basis), the outer paths, the vehicle.
+everything else is a parameter: the grid (through its basis), the outer paths, the vehicle. The
+programs are shared within a process and not safe to run from several threads; use processes.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -70,6 +71,7 @@ class Iterate:
     tilt: Array
     thrust: Array
     outcome: str = "not solved yet"
+    iterations: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +82,10 @@ class Problem:
     quadrotor: Quadrotor
     ends: tuple[float, float]
     certified: bool
-    log: list[int] = field(default_factory=list)
 
 
 def place_checks(nodes: Array, certified: bool) -> Checks:
+    """Place three checks per interval, at both ends and the middle; uncertified, one at every node."""
     count = len(nodes) - 1
     per = 2 if certified else 1
     index = np.arange(per * count + 1)
@@ -96,6 +98,7 @@ def place_checks(nodes: Array, certified: bool) -> Checks:
 
 
 def knots(nodes: Array, degree: int) -> Array:
+    """Return the knots of a spline of that degree with all but its highest derivative continuous."""
     return np.concatenate([[nodes[0]] * degree, nodes, [nodes[-1]] * degree])
 
 
@@ -222,6 +225,17 @@ def _bounds(problem: Problem, checks: Checks, margins: Array) -> dict[str, Array
 
 
 def solve_program(problem: Problem, start: Iterate, margins: Array | None = None) -> Iterate:
+    """Return what Ipopt makes of a start, on the start's grid.
+
+    Args:
+        problem: what is to be solved.
+        start: where to begin.
+        margins: what to take off thrust_max, thrust_min [m/s^2] and rate_max [rad/s] on every
+            interval, shape (3, N); by default nothing.
+
+    Returns:
+        The point where Ipopt stopped, with its outcome, which need not be in SUCCESS.
+    """
     checks, intervals = start.checks, len(start.checks.nodes) - 1
     margins = np.zeros((3, intervals)) if margins is None else margins
     solver = _program(intervals, problem.certified)
@@ -229,6 +243,8 @@ def solve_program(problem: Problem, start: Iterate, margins: Array | None = None
     guess = np.concatenate([start.weight, start.squared_speed, start.tilt, start.thrust])
     found = np.asarray(solver(x0=guess, p=parameters, **_bounds(problem, checks, margins))["x"]).ravel()
     stats = solver.stats()
-    problem.log.append(int(stats["iter_count"]))
+    iterations = start.iterations + int(stats["iter_count"])
     weight, squared_speed, tilt, thrust = np.split(found, np.cumsum([intervals + 3, intervals + 2, len(checks.s)]))
-    return Iterate(checks, weight, squared_speed, tilt, thrust, str(stats["return_status"]))
+    # Ipopt relaxes bounds by 1e-8; the corridor is kept exactly.
+    weight, outcome = np.clip(weight, 0, 1), str(stats["return_status"])
+    return Iterate(checks, weight, squared_speed, tilt, thrust, outcome, iterations)

@@ -90,14 +90,15 @@ class FlatTrajectory:
     @cached_property
     def breakpoints(self) -> Array:
         """The times of the nodes [s], from 0 to duration, shape (N + 1,)."""
-        widths = np.diff(self.nodes)
+        widths: Array = np.diff(self.nodes)
         return np.concatenate([[0.0], np.cumsum(self._elapsed(np.arange(len(widths)), widths))])
 
     def _elapsed(self, interval: NDArray[np.intp], u: Array) -> Array:
         """Return the integral of ds/sqrt(b), eq. (7), from the interval's beginning to u."""
         b = self.squared_speed[:, interval]
         speeds = np.sqrt(b[0]) + np.sqrt(_polynomial(b, u, 0))
-        return 2 * u / speeds * _artanhc(b[2] * (u / speeds) ** 2)
+        elapsed: Array = 2 * u / speeds * _artanhc(b[2] * (u / speeds) ** 2)
+        return elapsed
 
     def _locate(self, t: ArrayLike) -> tuple[NDArray[np.intp], Array]:
         """Return the interval and the offset s - node at times t, inverting `_elapsed` exactly."""
@@ -117,7 +118,7 @@ class FlatTrajectory:
         """Return the derivative of y = y_2 + p (y_1 - y_2) with respect to s, by Leibniz' rule."""
         s = self.nodes[interval] + u
         first, second = self.outer_paths
-        value = second(s, order)
+        value: Array = second(s, order)
         for k in range(order + 1):
             p = _polynomial(self.weight[:, interval], u, k)
             value = value + comb(order, k) * p[..., None] * (first(s, order - k) - second(s, order - k))

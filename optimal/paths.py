@@ -41,6 +41,7 @@ class Path(Protocol):
 OuterPaths = tuple[Path, Path]
 """The two paths a flight stays between."""
 
+
 class PaperPaths(NamedTuple):
     """Outer paths with the weights (p_1(0), p_1(1)) of the first path, where a flight begins and ends."""
 

@@ -30,6 +30,7 @@ def solve(
     seed: int = 0,
     nodes: int = NODES,
     checks: str = "certified",
+    intervals: int | None = None,
     throw: bool = True,
 ) -> Solution:
     """Return the fastest flight of a scenario from exact rest to exact rest.
@@ -43,6 +44,7 @@ def solve(
         seed: seed of the drawn starts.
         nodes: steps of the whole flight; shooting only.
         checks: "certified", or "nodes" for the flat road as published; flat only.
+        intervals: pieces of the flat functions; None takes `plan`'s; flat only.
         throw: raise SolveFailed rather than return a solution that is not solved.
 
     Raises:
@@ -56,7 +58,7 @@ def solve(
         raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}{hint}")
     begun = time.perf_counter()
     if method == "flat":
-        solution = _flat(task, checks, begun)
+        solution = _flat(task, checks, intervals, begun)
     else:
         solution = _shooting(task, windings, starts, seed, nodes, begun)
     if throw and solution.status not in (Status.SOLVED, Status.LIMITS_AT_NODES_ONLY):
@@ -102,9 +104,9 @@ def _first_certified(task: Scenario, shots: Sequence[Shot]) -> tuple[Shot | None
     return (shots[0], certificates[0]) if shots else (None, certify(None, task))
 
 
-def _flat(task: Scenario, checks: str, begun: float) -> Solution:
+def _flat(task: Scenario, checks: str, intervals: int | None, begun: float) -> Solution:
     outer_paths = paper_outer_paths(task)
-    found = plan(outer_paths.paths, task.quadrotor, ends=outer_paths.ends, checks=checks)
+    found = plan(outer_paths.paths, task.quadrotor, ends=outer_paths.ends, intervals=intervals, checks=checks)
     certificate = certify(found.trajectory, task)
     if not found.converged:
         status = Status.NOT_CONVERGED
