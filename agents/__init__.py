@@ -6,6 +6,19 @@ require("agents", "stable_baselines3", "torch", "minari", "pandas")
 
 from agents import demonstrations
 from agents.evaluate import FasterThanOptimal, evaluate, fly
+from agents.starts import BackwardStarts
+from agents.train import PPOConfig, Training, train
 from agents.vec_env import FlatQuadVecEnv, make_vec_env
 
-__all__ = ["FasterThanOptimal", "FlatQuadVecEnv", "demonstrations", "evaluate", "fly", "make_vec_env"]
+__all__ = [
+    "BackwardStarts",
+    "FasterThanOptimal",
+    "FlatQuadVecEnv",
+    "PPOConfig",
+    "Training",
+    "demonstrations",
+    "evaluate",
+    "fly",
+    "make_vec_env",
+    "train",
+]

@@ -167,7 +167,7 @@ def draw(out: Path, results: dict[str, Any], solution: Solution) -> None:
 def optimal_track(solution: Solution) -> figures.Track:
     """Return the certified flight of a solution, finely sampled, to draw."""
     assert solution.trajectory is not None
-    samples = optimal.sample(solution.trajectory, 0.002)
+    samples = solution.trajectory.sample(0.002)
     return figures.Track(f"optimum, T* = {solution.time:.4f} s", samples.time, samples.state, samples.control)
 
 
@@ -176,8 +176,7 @@ def agent_track(results: dict[str, Any], scenario: Scenario) -> figures.Track:
     actions = np.array(results["flights"][scenario.name]["ppo"], dtype=np.float32)
     situations = fly_actions(scenario, actions)
     states = np.array([situation.state[0] for situation in situations])
-    controls = scenario.quadrotor.control(actions)
+    controls = scenario.quadrotor.control(np.append(actions, actions[-1:], axis=0))
+    time = np.linspace(0.0, scenario.dt * len(actions), len(states))
     label = f"PPO, {len(actions)} steps: {OUTCOMES[situations[-1].outcome[0]]}"
-    return figures.Track(
-        label, np.arange(len(states)) * scenario.dt, states, np.append(controls, controls[-1:], axis=0)
-    )
+    return figures.Track(label, time, states, controls)

@@ -13,6 +13,7 @@ along n is monotone and has at most one root, and between those roots so has the
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -100,32 +101,35 @@ class Arc:
             time = turn / np.abs(rate)[:, None]
         return np.where(time < self.dt[:, None], time, self.dt[:, None])
 
-    def height_over(self, point: Array, direction: Array, time: Array) -> tuple[Array, Array, Array]:
-        """Return (p - point) . direction with its first and second time derivative, each (n,)."""
+    def height_over(self, point: Array, direction: Array, time: Array) -> tuple[Array, Array]:
+        """Return (p - point) . direction [m] and its time derivative, each shape (n,)."""
+        state = self.at(time)
+        return np.sum((state[:, 0:2] - point) * direction, axis=-1), np.sum(state[:, 2:4] * direction, axis=-1)
+
+    def speed_along(self, direction: Array, time: Array) -> tuple[Array, Array]:
+        """Return p' . direction [m/s] and its time derivative, each shape (n,)."""
         state = self.at(time)
         acceleration = self.derivative(state)[:, 2:4]
-        return (
-            np.sum((state[:, 0:2] - point) * direction, axis=-1),
-            np.sum(state[:, 2:4] * direction, axis=-1),
-            np.sum(acceleration * direction, axis=-1),
-        )
+        return np.sum(state[:, 2:4] * direction, axis=-1), np.sum(acceleration * direction, axis=-1)
+
+    def approach(self, point: Array, time: Array) -> tuple[Array, Array]:
+        """Return half the rate of change of |p - point|^2 [m^2/s] and its time derivative, each shape (n,)."""
+        state = self.at(time)
+        offset, velocity, acceleration = state[:, 0:2] - point, state[:, 2:4], self.derivative(state)[:, 2:4]
+        return np.sum(offset * velocity, axis=-1), np.sum(velocity**2 + offset * acceleration, axis=-1)
 
     def monotone_times(self, direction: Array) -> Array:
         """Return times between which p . direction is monotone, from 0 to dt [s], shape (5, n)."""
-        origin, start = np.zeros((len(self), 2)), np.zeros(len(self))
+        start = np.zeros(len(self))
         knots = np.sort(np.stack([start, *self.inflections(direction).T, self.dt]), axis=0)
-        slopes = [self.height_over(origin, direction, t)[1] for t in knots]
+        slopes = [self.speed_along(direction, t)[0] for t in knots]
         times = [start]
         for low, high, before, after in zip(knots[:-1], knots[1:], slopes[:-1], slopes[1:], strict=True):
             turns = before * after < 0
             time = high.copy()
             if turns.any():
                 arc, normal = self[turns], np.sign(after[turns])[:, None] * direction[turns]
-                time[turns] = rising_root(
-                    lambda t, arc=arc, normal=normal: arc.height_over(np.zeros((len(arc), 2)), normal, t)[1:],
-                    low[turns],
-                    high[turns],
-                )
+                time[turns] = rising_root(partial(arc.speed_along, normal), low[turns], high[turns])
             times.append(time)
         return np.stack([*times, self.dt])
 
@@ -146,9 +150,9 @@ class Arc:
         for low, high, before, then in zip(times[:-1], times[1:], values[:-1], values[1:], strict=True):
             rises = (before < 0) & (then >= 0) & np.isnan(found)
             if rises.any():
-                arc, p, normal = self[rises], point[rises], direction[rises]
+                arc = self[rises]
                 found[rises] = rising_root(
-                    lambda t, arc=arc, p=p, normal=normal: arc.height_over(p, normal, t)[:2], low[rises], high[rises]
+                    partial(arc.height_over, point[rises], direction[rises]), low[rises], high[rises]
                 )
         return found
 
@@ -162,23 +166,17 @@ class Arc:
 
         The step is searched in quarters, each of which holds at most one closest approach worth the name.
         """
-
-        def approach(arc: Arc, p: Array, t: Array) -> tuple[Array, Array, Array]:
-            state = arc.at(t)
-            offset, velocity = state[:, 0:2] - p, state[:, 2:4]
-            slope = np.sum(offset * velocity, axis=-1)
-            bend = np.sum(velocity**2 + offset * arc.derivative(state)[:, 2:4], axis=-1)
-            return np.hypot(offset[:, 0], offset[:, 1]), slope, bend
-
         times = self.dt * np.linspace(0, 1, 5)[:, None]
-        at_knots = [approach(self, point, t) for t in times]
-        least = np.min([distance for distance, _, _ in at_knots], axis=0)
-        for i in range(4):
-            inside = (at_knots[i][1] < 0) & (at_knots[i + 1][1] > 0)
+        slopes = [self.approach(point, t)[0] for t in times]
+        least = np.min([self._distance_at(point, t) for t in times], axis=0)
+        for low, high, before, after in zip(times[:-1], times[1:], slopes[:-1], slopes[1:], strict=True):
+            inside = (before < 0) & (after > 0)
             if inside.any():
                 arc, p = self[inside], point[inside]
-                time = rising_root(
-                    lambda t, arc=arc, p=p: approach(arc, p, t)[1:], times[i][inside], times[i + 1][inside]
-                )
-                least[inside] = np.minimum(least[inside], approach(arc, p, time)[0])
+                time = rising_root(partial(arc.approach, p), low[inside], high[inside])
+                least[inside] = np.minimum(least[inside], arc._distance_at(p, time))
         return least
+
+    def _distance_at(self, point: Array, time: Array) -> Array:
+        offset = self.at(time)[:, 0:2] - point
+        return np.hypot(offset[:, 0], offset[:, 1])

@@ -10,7 +10,7 @@ from optimal.planning import plan
 from optimal.solution import Solution, SolveFailed, Status
 from optimal.solve import solve
 from optimal.steps import FewestSteps, fewest_steps
-from optimal.trajectory import Samples, Trajectory, sample
+from optimal.trajectory import Samples, Trajectory
 
 __all__ = [
     "Certificate",
@@ -24,6 +24,5 @@ __all__ = [
     "fewest_steps",
     "lower_bound",
     "plan",
-    "sample",
     "solve",
 ]

@@ -32,6 +32,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flatgym.quadrotor import Array, Quadrotor
 from optimal.paths import OuterPaths
+from optimal.trajectory import Samples, sample
 
 TILT_SAMPLES = 32
 """Points per interval along which the tilt is followed, so that it is known beyond one turn."""
@@ -207,6 +208,10 @@ class FlatTrajectory:
         """Return the controls [thrust, rate] at times t [s], in [m/s^2] and [rad/s], shape (..., 2)."""
         thrust, rate, _ = self._inputs(*self._locate(t))
         return np.stack([thrust, rate], axis=-1)
+
+    def sample(self, dt: float) -> Samples:
+        """Return the flight at 0, dt, 2 dt, ... [s], and at its end."""
+        return sample(self, dt)
 
     def grid(self, points: int) -> tuple[NDArray[np.intp], Array]:
         """Return interval and offset of equidistant points, both ends included, shapes (N, points + 1)."""

@@ -18,6 +18,15 @@ from numpy.typing import ArrayLike
 from flatgym.quadrotor import Array, Quadrotor
 
 
+@dataclass(frozen=True)
+class Samples:
+    """A trajectory sampled at even times: `time` (n,) [s], `state` (n, 5), `control` (n, 2)."""
+
+    time: Array
+    state: Array
+    control: Array
+
+
 class Flight(Protocol):
     """What every method's trajectory answers; times in [0, duration], any shape (...)."""
 
@@ -42,14 +51,8 @@ class Flight(Protocol):
     def control(self, t: ArrayLike) -> Array:
         """Return [thrust, rate], shape (..., 2)."""
 
-
-@dataclass(frozen=True)
-class Samples:
-    """A trajectory sampled at even times: `time` (n,) [s], `state` (n, 5), `control` (n, 2)."""
-
-    time: Array
-    state: Array
-    control: Array
+    def sample(self, dt: float) -> Samples:
+        """Return the flight at 0, dt, 2 dt, ... [s], and at its end."""
 
 
 def sample(flight: Flight, dt: float) -> Samples:

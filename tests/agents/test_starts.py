@@ -1,0 +1,57 @@
+"""Backward starts can reach the goal, by the same physics run forwards."""
+
+import numpy as np
+import pytest
+
+from agents.starts import BackwardStarts, fly_back
+from flatgym import SCENARIOS, task
+from flatgym.task import Scene
+
+
+def test_no_time_back_is_the_goal(generator):
+    state, passed = fly_back(generator, SCENARIOS["hoop"], np.zeros(5))
+    np.testing.assert_array_equal(state, np.tile(SCENARIOS["hoop"].goal_state, (5, 1)))
+    np.testing.assert_array_equal(passed, 1)
+
+
+def test_one_leg_back_flies_forward_to_the_goal(generator):
+    scenario = SCENARIOS["horizontal-6"]
+    state, _ = fly_back(generator, scenario, np.full(200, scenario.dt))
+    scene = Scene.of([scenario] * 200)
+    # Within one step back the flight made at most one change of control; the goal's tolerance absorbs it.
+    reached = np.zeros(200, dtype=bool)
+    for rate in (-10.0, 0.0, 10.0):
+        for thrust in np.linspace(1, 20, 5):
+            start = task.Situation(state, *[np.zeros(200, dtype=np.int64)] * 3)
+            reached |= task.advance(scene, start, np.tile([thrust, rate], (200, 1))).outcome == task.GOAL
+    assert reached.all()
+
+
+@pytest.mark.parametrize("name", ["ground-6", "hoop", "slalom"])
+def test_the_pool_is_mixed_within_bounds_and_seeded(name):
+    scenario = SCENARIOS[name]
+    starts = BackwardStarts(scenario, near=0.1, back=0.6, seed=3, size=2000)
+    state, passed = starts.pool
+    at_start = np.all(state == scenario.start_state, axis=1)
+    assert 0.25 < at_start.mean() < 0.9
+    assert np.all(passed[at_start] == 0)
+    low_x, low_z, high_x, high_z = scenario.bounds
+    assert np.all((state[:, 0] >= low_x) & (state[:, 0] <= high_x) & (state[:, 1] >= low_z) & (state[:, 1] <= high_z))
+    assert scenario.floor is None or np.all(state[:, 1] >= scenario.floor)
+    assert passed.max() == len(scenario.hoops)
+    again = BackwardStarts(scenario, near=0.1, back=0.6, seed=3, size=2000).pool
+    np.testing.assert_array_equal(state, again[0])
+    drawn, count = starts(np.random.default_rng(0), 50)
+    assert drawn.shape == (50, 5)
+    assert count.shape == (50,)
+
+
+def test_hoops_behind_are_still_to_be_passed():
+    scenario = SCENARIOS["hoop"]
+    state, passed = BackwardStarts(scenario, near=0.0, back=1.0, size=5000).pool
+    before = passed == 0
+    assert 0.02 < before.mean() < 0.98
+    # To have met the hoop on the way back, a flight must have come from beyond its line.
+    behind = (state[:, 0:2] - scenario.hoops[0].centre) @ scenario.hoops[0].direction
+    flown = ~np.all(state == scenario.start_state, axis=1)
+    assert (behind[before & flown] < 0).mean() > 0.9
