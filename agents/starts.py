@@ -1,10 +1,10 @@
-"""Start states for training: flown backwards from the goal, as fast flights are flown.
+"""Start states for training: flown backwards from the goal.
 
 An agent that always begins at the start never meets the goal and learns nothing. The exact step
-runs backwards in time as well as forwards, so states from which the goal can be reached are drawn
-by leaving the goal backwards: full thrust, now turning at full rate, now holding the tilt, which
-is how time-optimal flights are built (bang-bang thrust, bang-singular rate). Hoops crossed on the
-way count as not yet passed. This needs no demonstration and no planner.
+runs backwards in time as well as forwards, so states from which the goal can be reached quickly
+are drawn by leaving it backwards under random, mostly extreme controls (a time-optimal flight has
+bang-bang thrust and bang-singular rate). A hoop crossed on the way counts as not yet passed. This
+needs neither demonstrations nor a planner.
 """
 
 from __future__ import annotations
@@ -20,65 +20,69 @@ from flatgym.scenario import Hoop, Scenario
 from flatgym.task import Integers
 
 SPREAD = np.array([2.0, 2.0, 3.0, 3.0, 1.0])
-"""Standard deviations of the states drawn near the goal [m, m, m/s, m/s, rad]."""
-TURN_TIME, HOLD_TIME = 0.35, 0.4
-"""Longest turn and mean time between turns [s]."""
+"""Standard deviations of the states drawn around the goal [m, m, m/s, m/s, rad]."""
+HOLD_TIME = 0.15
+"""Mean time a control is held on the way back [s]."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class BackwardStarts:
-    """Draws start states for a batched environment: a fixed pool, sampled at every reset.
+    """Draws start states for a batched environment from a fixed pool.
 
     Attributes:
         scenario: the task.
-        near: share of the states drawn around the goal.
-        back: share flown backwards from the goal; the rest are the scenario's own start.
+        share: share of flights that begin at a state of the pool, not at the scenario's own start; may
+            be changed while training goes on.
+        near: share of the pool drawn around the goal; the rest is flown backwards from it.
         back_time: longest time flown backwards [s].
         seed: of the pool.
         size: number of states in the pool.
     """
 
     scenario: Scenario
-    near: float = 0.1
-    back: float = 0.7
+    share: float = 0.8
+    near: float = 0.125
     back_time: float = 1.0
     seed: int = 0
     size: int = 40_000
 
     def __call__(self, generator: np.random.Generator, count: int) -> tuple[Array, Integers]:
         """Return start states (count, 5) and hoops already passed (count,)."""
-        rows = generator.integers(0, self.size, count)
-        return self.pool[0][rows], self.pool[1][rows]
+        rows, drawn = generator.integers(0, self.size, count), generator.random(count) < self.share
+        state, passed = self.pool
+        return np.where(drawn[:, None], state[rows], self.scenario.start_state), np.where(drawn, passed[rows], 0)
 
     @cached_property
     def pool(self) -> tuple[Array, Integers]:
-        """All states (size, 5) and hoops passed (size,) that may be drawn."""
+        """All states (size, 5) and hoops passed (size,) that may be drawn; the start where a draw was out of bounds."""
         generator, scenario = np.random.default_rng(self.seed), self.scenario
-        near, back = round(self.size * self.near), round(self.size * self.back)
-        state, passed = np.tile(scenario.start_state, (self.size, 1)), np.zeros(self.size, dtype=np.int64)
-        state[:near] = scenario.goal_state + generator.normal(size=(near, 5)) * SPREAD * generator.random((near, 1))
-        passed[:near] = len(scenario.hoops)
-        flown = slice(near, near + back)
-        state[flown], passed[flown] = fly_back(generator, scenario, generator.random(back) * self.back_time)
+        near = round(self.size * self.near)
+        around = scenario.goal_state + generator.normal(size=(near, 5)) * SPREAD * generator.random((near, 1))
+        flown, still_to_pass = fly_back(generator, scenario, self.back_time * generator.random(self.size - near))
+        state = np.concatenate([around, flown])
+        passed = np.concatenate([np.full(near, len(scenario.hoops)), still_to_pass])
         outside = _outside(scenario, state)
-        state[outside], passed[outside] = scenario.start_state, 0
-        return state, passed
+        return np.where(outside[:, None], scenario.start_state, state), np.where(outside, 0, passed)
 
 
 def fly_back(generator: np.random.Generator, scenario: Scenario, time: Array) -> tuple[Array, Integers]:
-    """Return states (n, 5) `time` [s], shape (n,), before the goal on random fast flights, and hoops passed (n,)."""
+    """Return states (n, 5) from which random controls reach the goal in `time` [s], shape (n,), and hoops passed (n,).
+
+    Thrust is more often full than not; both controls are extreme two times out of three.
+    """
     count, quadrotor = len(time), scenario.quadrotor
     state, passed = np.tile(scenario.goal_state, (count, 1)), np.full(count, len(scenario.hoops))
-    left, turning = time.copy(), generator.random(count) < 0.8
+    left = time.copy()
     while (left > 0).any():
-        turn, hold = generator.uniform(0.0, TURN_TIME, count), generator.exponential(HOLD_TIME, count)
-        h = np.minimum(left, np.where(turning, turn, hold))
-        thrust = np.where(generator.random(count) < 0.85, 1.0, generator.uniform(-1, 1, count))
-        rate = np.where(turning, np.where(generator.random(count) < 0.5, -1.0, 1.0), 0.0)
-        before = quadrotor.step(state, quadrotor.control(np.stack([thrust, rate], axis=-1)), -h)
+        h = np.minimum(left, generator.exponential(HOLD_TIME, count))
+        sign = np.where(generator.random((count, 2)) < 0.5, -1.0, 1.0)
+        size = np.where(generator.random((count, 2)) < 0.3, generator.random((count, 2)), 1.0)
+        action = sign * size
+        action[:, 0] = np.where(generator.random(count) < 0.6, 1.0, action[:, 0])
+        before = quadrotor.step(state, quadrotor.control(action), -h)
         for i in reversed(range(len(scenario.hoops))):
             passed -= (passed == i + 1) & _crosses(scenario.hoops[i], before[:, 0:2], state[:, 0:2])
-        state, left, turning = before, left - h, ~turning
+        state, left = before, left - h
     return state, passed
 
 

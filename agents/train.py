@@ -31,6 +31,9 @@ from flatgym.scenario import Tolerance
 from flatgym.task import OBSERVATION_NAMES
 from optimal.steps import FewestSteps
 
+TIGHT = 0.4
+"""Share of the steps after which the tolerance is the true one."""
+
 
 @dataclass(frozen=True)
 class PPOConfig:
@@ -46,9 +49,9 @@ class PPOConfig:
     """Environment steps over which all schedules run, and after which training stops."""
     folder: str = "runs/ppo"
     """Where model, configuration and learning curve are written."""
-    num_envs: int = 512
+    num_envs: int = 256
     """Vehicles flown at once."""
-    rollout: int = 32
+    rollout: int = 64
     """Steps of each vehicle between two updates."""
     batch: int = 4096
     """Size of a minibatch."""
@@ -75,11 +78,13 @@ class PPOConfig:
     gae: float = 0.95
     """Lambda of generalised advantage estimation."""
     tolerance: float = 3.0
-    """Factor on the tolerance at the beginning, falling to 1 after two fifths of the steps."""
-    near: float = 0.1
-    """Share of flights that begin around the goal."""
-    back: float = 0.7
-    """Share of flights that begin at states flown backwards from the goal."""
+    """Factor on the tolerance at the beginning, falling to 1 by TIGHT of the steps."""
+    drawn: float = 0.8
+    """Share of flights that begin elsewhere than at the start, until the tolerance is the true one."""
+    drawn_end: float = 0.1
+    """The same share at the end."""
+    near: float = 0.125
+    """Share of these that begin around the goal; the others at states flown backwards from it."""
     back_time: float = 1.0
     """Longest time flown backwards [s]."""
     failure: float = 0.5
@@ -147,9 +152,9 @@ class Schedules(BaseCallback):
 
     model: PPO
 
-    def __init__(self, config: PPOConfig, target: float) -> None:
+    def __init__(self, config: PPOConfig, starts: BackwardStarts, target: float) -> None:
         super().__init__()
-        self.config, self.target, self.scenario = config, target, scenario(config.scenario)
+        self.config, self.starts, self.target, self.scenario = config, starts, target, starts.scenario
         self.began, self.rollouts, self.rate = time.perf_counter(), 0, config.learning_rate
         self.curve: list[dict[str, Any]] = []
         self.best = np.inf
@@ -166,6 +171,7 @@ class Schedules(BaseCallback):
     def _on_rollout_end(self) -> None:
         done = min(1.0, self.num_timesteps / self.config.env_steps)
         self._tighten(done)
+        self._come_home(done)
         self._discount(done)
         self._steer(done)
         self.rollouts += 1
@@ -178,9 +184,13 @@ class Schedules(BaseCallback):
             self.model.policy.load_state_dict(self.best_parameters)
 
     def _tighten(self, done: float) -> None:
-        factor, true = 1 + (self.config.tolerance - 1) * max(0.0, 1 - done / 0.4), self.scenario.tolerance
+        factor, true = 1 + (self.config.tolerance - 1) * max(0.0, 1 - done / TIGHT), self.scenario.tolerance
         eased = Tolerance(true.position * factor, true.speed * factor, true.angle * factor)
         self.training_env.env_method("set_scenario", replace(self.scenario, tolerance=eased))
+
+    def _come_home(self, done: float) -> None:
+        first, last = self.config.drawn, self.config.drawn_end
+        self.starts.share = first + (last - first) * max(0.0, (done - TIGHT) / (1 - TIGHT))
 
     def _discount(self, done: float) -> None:
         first, last = self.config.discount, self.config.discount_end
@@ -222,11 +232,9 @@ def read_curve(config: PPOConfig) -> list[dict[str, Any]]:
     return [json.loads(line) for line in lines if line.endswith("\n")]
 
 
-def build(config: PPOConfig) -> PPO:
-    """Return an untrained PPO on the configured scenario."""
-    task = scenario(config.scenario)
-    starts = BackwardStarts(task, config.near, config.back, config.back_time, config.seed)
-    envs = make_vec_env(task, config.num_envs, starts=starts, seed=config.seed)
+def build(config: PPOConfig, starts: BackwardStarts) -> PPO:
+    """Return an untrained PPO that flies from `starts`."""
+    envs = make_vec_env(starts.scenario, config.num_envs, starts=starts, seed=config.seed)
     return PPO(
         "MlpPolicy",
         GentleFailure(envs, config.failure),
@@ -264,8 +272,9 @@ def train(config: PPOConfig, optimum: FewestSteps | None = None) -> Training:
     curve_file(config).write_text("", encoding="utf-8")
     (folder / "config.json").write_text(json.dumps(asdict(config), indent=1) + "\n", encoding="utf-8")
     torch.set_num_threads(1)  # small networks: a second thread costs more than it gives
-    schedules = Schedules(config, target=-np.inf if optimum is None else optimum.steps)
-    model = build(config).learn(config.env_steps, callback=schedules)
+    starts = BackwardStarts(scenario(config.scenario), config.drawn, config.near, config.back_time, config.seed)
+    schedules = Schedules(config, starts, target=-np.inf if optimum is None else optimum.steps)
+    model = build(config, starts).learn(config.env_steps, callback=schedules)
     temporary, file = folder / "model.part.zip", folder / "model.zip"
     model.save(temporary)
     temporary.replace(file)
