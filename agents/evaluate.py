@@ -19,10 +19,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import trim_mean
 
-from flatgym import task
 from flatgym.catalogue import ScenarioLike, scenario
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
+from flatgym.scene import OUTCOMES
 from flatgym.vector import FlatQuadVectorEnv
 from optimal.steps import FewestSteps, fewest_steps
 
@@ -87,8 +87,8 @@ def fly(policy: Policy, problem: ScenarioLike, episodes: int = 1, seed: int = 0)
     envs = FlatQuadVectorEnv(episodes, scenario=problem, reward="sparse")
     observations, infos = envs.reset(seed=seed)
     states, actions = [infos["state"]], []
-    steps, outcomes = np.zeros(episodes, dtype=np.int64), np.full(episodes, task.OUTCOMES[0], dtype=object)
-    while (flying := outcomes == task.OUTCOMES[0]).any():
+    steps, outcomes = np.zeros(episodes, dtype=np.int64), np.full(episodes, OUTCOMES[0], dtype=object)
+    while (flying := outcomes == OUTCOMES[0]).any():
         action = np.asarray(policy.predict(observations, deterministic=True)[0])
         observations, _, _, _, infos = envs.step(action)
         actions.append(np.clip(action, -1, 1).astype(np.float32))

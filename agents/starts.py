@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flatgym.quadrotor import Array
 from flatgym.scenario import Hoop, Scenario
-from flatgym.task import Integers
+from flatgym.scene import Integers
 
 SPREAD = np.array([2.0, 2.0, 3.0, 3.0, 1.0])
 """Standard deviations of the states drawn around the goal [m, m, m/s, m/s, rad]."""

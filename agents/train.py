@@ -44,7 +44,8 @@ class PPOConfig:
     seed: int = 0
     """Seed of starts, network and exploration."""
     seconds: float = 200.0
-    """Wall time after which training stops [s]."""
+    """Wall time after which training stops [s]; on a machine so slow that this comes first, the schedules
+    run over it instead of over `env_steps`."""
     env_steps: int = 5_000_000
     """Environment steps over which all schedules run, and after which training stops."""
     folder: str = "runs/ppo"
@@ -169,7 +170,7 @@ class Schedules(BaseCallback):
         return self.best > self.target and self.elapsed < self.config.seconds
 
     def _on_rollout_end(self) -> None:
-        done = min(1.0, self.num_timesteps / self.config.env_steps)
+        done = min(1.0, max(self.num_timesteps / self.config.env_steps, self.elapsed / self.config.seconds))
         self._tighten(done)
         self._come_home(done)
         self._discount(done)
@@ -260,8 +261,8 @@ def train(config: PPOConfig, optimum: FewestSteps | None = None) -> Training:
     """Train PPO and keep the best deterministic policy met on the way.
 
     Args:
-        config: everything the training depends on; the same configuration, seed and number of
-            environment steps give the same policy.
+        config: everything the training depends on; the same configuration gives the same policy, unless
+            the clock comes before `env_steps`.
         optimum: K*, if known: training stops when the policy flies in K* steps.
 
     Returns:

@@ -5,7 +5,8 @@ import gymnasium as gym
 from flatgym.catalogue import SCENARIOS, scenario
 from flatgym.quadrotor import Quadrotor
 from flatgym.scenario import Hoop, Scenario, Tolerance
-from flatgym.task import OBSERVATION_NAMES, OUTCOMES
+from flatgym.scene import OUTCOMES
+from flatgym.task import OBSERVATION_NAMES
 
 __all__ = ["OBSERVATION_NAMES", "OUTCOMES", "SCENARIOS", "Hoop", "Quadrotor", "Scenario", "Tolerance", "scenario"]
 __version__ = "0.1.0"

@@ -8,10 +8,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flatgym import task
-from flatgym.catalogue import DEFAULT_SCENARIO, ScenarioLike, scenario
+from flatgym import catalogue, task
+from flatgym.catalogue import DEFAULT_SCENARIO, ScenarioLike
 from flatgym.quadrotor import Array
-from flatgym.task import OBSERVATION_NAMES, Scene, Situation
+from flatgym.scene import FLYING, OUTCOMES, Scene, Situation
+from flatgym.task import OBSERVATION_NAMES
 
 Observation = NDArray[np.float32]
 
@@ -135,7 +136,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     def __init__(
         self, scenario: ScenarioLike = DEFAULT_SCENARIO, reward: str = "shaped", render_mode: str | None = None
     ) -> None:
-        self.scenario = _named(scenario)
+        self.scenario = catalogue.scenario(scenario)
         self.scene = Scene.of([self.scenario])
         self.shaped = check_reward(reward)
         self.render_mode = render_mode
@@ -156,8 +157,8 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         before = self._situation
         if before is None:
             raise gym.error.ResetNeeded("call reset() before the first step()")
-        if before.outcome[0] != task.FLYING:
-            word = task.OUTCOMES[before.outcome[0]]
+        if before.outcome[0] != FLYING:
+            word = OUTCOMES[before.outcome[0]]
             raise gym.error.ResetNeeded(f"the flight has ended ({word!r}); call reset() before the next step()")
         control = self.scene.quadrotor.control(check_actions(action, (2,)))
         after = self._situation = task.advance(self.scene, before, control[None])
@@ -174,6 +175,3 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         assert self._situation is not None
         arrays = task.info(self.scene, self._situation)
         return {key: values[0].copy() if key == "state" else values.tolist()[0] for key, values in arrays.items()}
-
-
-_named = scenario

@@ -11,14 +11,10 @@ rough it may be; a good one shortens learning, because it tells braking in time 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from flatgym.quadrotor import Array
-
-if TYPE_CHECKING:
-    from flatgym.task import Scene, Situation
+from flatgym.scene import Scene, Situation
 
 CRUISE_SPEED = 5.0
 """Speed at which the detour through hoops is reckoned [m/s]."""

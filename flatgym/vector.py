@@ -18,11 +18,11 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from flatgym import task
-from flatgym.catalogue import DEFAULT_SCENARIO, ScenarioLike, scenario
+from flatgym import catalogue, task
+from flatgym.catalogue import DEFAULT_SCENARIO, ScenarioLike
 from flatgym.env import action_space, begin, check_actions, check_reward, observation_space
 from flatgym.quadrotor import Array
-from flatgym.task import Integers, Scene, Situation
+from flatgym.scene import Integers, Scene, Situation
 
 Starts = Callable[[np.random.Generator, int], tuple[Array, Integers]]
 """Draws n start states (n, 5) with the numbers of hoops already passed (n,), for training."""
@@ -71,7 +71,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
 
     def set_scenario(self, scenario: ScenarioLike) -> None:
         """Fly another scenario, or this one with another tolerance, from the next step on."""
-        self.scenario = _named(scenario)
+        self.scenario = catalogue.scenario(scenario)
         self.scene = Scene.of([self.scenario] * self.num_envs)
         if self.max_episode_steps is not None:
             self.scene = replace(self.scene, max_steps=np.full(self.num_envs, self.max_episode_steps))
@@ -147,4 +147,3 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
 
 
 _FIELDS = ("state", "steps", "hoops_passed", "outcome")
-_named = scenario

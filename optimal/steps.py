@@ -30,6 +30,7 @@ from flatgym import task
 from flatgym.catalogue import ScenarioLike, scenario
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
+from flatgym.scene import GOAL
 from optimal import transcription as tr
 from optimal.bounds import projection_bound
 from optimal.certificate import crossing_times
@@ -128,7 +129,7 @@ def replay(target: Scenario, actions: NDArray[np.float32]) -> Array | None:
     None unless the flight reaches the goal with the last action and not before.
     """
     flown = task.fly_actions(target, actions)
-    arrived = len(flown) == len(actions) + 1 and flown[-1].outcome[0] == task.GOAL
+    arrived = len(flown) == len(actions) + 1 and flown[-1].outcome[0] == GOAL
     return np.array([situation.state[0] for situation in flown]) if arrived else None
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from agents.starts import BackwardStarts, fly_back
 from flatgym import SCENARIOS, task
-from flatgym.task import Scene
+from flatgym.scene import GOAL, Scene, Situation
 
 
 def test_no_time_back_is_the_goal(generator):
@@ -22,8 +22,8 @@ def test_one_leg_back_flies_forward_to_the_goal(generator):
     reached = np.zeros(200, dtype=bool)
     for rate in (-10.0, 0.0, 10.0):
         for thrust in np.linspace(1, 20, 5):
-            start = task.Situation(state, *[np.zeros(200, dtype=np.int64)] * 3)
-            reached |= task.advance(scene, start, np.tile([thrust, rate], (200, 1))).outcome == task.GOAL
+            start = Situation(state, *[np.zeros(200, dtype=np.int64)] * 3)
+            reached |= task.advance(scene, start, np.tile([thrust, rate], (200, 1))).outcome == GOAL
     assert reached.all()
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from flatgym import SCENARIOS, Scenario, task
 from flatgym.potential import potential, rest_time, way_through_hoops
-from flatgym.task import Scene
+from flatgym.scene import Scene
 from optimal.bounds import projection_bound
 
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from flatgym import OBSERVATION_NAMES, OUTCOMES, SCENARIOS, Hoop, Quadrotor, Scenario, task
-from flatgym.task import Scene
+from flatgym.scene import FLYING, Scene, Situation
 
 
 def situation(scene, state, passed=0, steps=0):
     n = len(scene)
-    return task.Situation(
+    return Situation(
         state=np.tile(np.asarray(state, dtype=float), (n, 1)),
         steps=np.full(n, steps),
         hoops_passed=np.full(n, passed),
@@ -110,7 +110,7 @@ def fly_randomly(scene, generator, steps=300):
     for _ in range(steps):
         control = generator.uniform(scene.quadrotor.control_low, scene.quadrotor.control_high, (len(scene), 2))
         after = task.advance(scene, flown[-1], control)
-        flown.append(after.put(flown[-1].outcome != task.FLYING, flown[-1]))
+        flown.append(after.put(flown[-1].outcome != FLYING, flown[-1]))
     return flown
 
 
@@ -119,7 +119,7 @@ def test_returns_are_minus_the_time_and_shaping_adds_a_constant(generator):
     flown = fly_randomly(scene, generator, 60)
     sparse, shaped = np.zeros(50), np.zeros(50)
     for before, after in pairwise(flown):
-        live = before.outcome == task.FLYING
+        live = before.outcome == FLYING
         sparse += np.where(live, task.reward(scene, before, after, shaped=False), 0)
         shaped += np.where(live, task.reward(scene, before, after, shaped=True), 0)
     assert {OUTCOMES[code] for code in flown[-1].outcome} <= {"out-of-bounds", "time-limit"}

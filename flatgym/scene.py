@@ -1,0 +1,126 @@
+"""Many scenarios as arrays, and where their vehicles stand.
+
+A Scene holds n scenarios as a structure of arrays, a Situation the n flights through them. Both are
+frozen values: the verbs of `flatgym.task` take them and return new ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flatgym.quadrotor import Array, Quadrotor
+from flatgym.scenario import Scenario, Tolerance
+
+Integers = NDArray[np.int64]
+
+OUTCOMES = ("flying", "goal", "collision", "floor", "ceiling", "out-of-bounds", "time-limit")
+"""Every word for how a flight stands; all but the first end it."""
+FLYING, GOAL, COLLISION, FLOOR, CEILING, OUT_OF_BOUNDS, TIME_LIMIT = range(len(OUTCOMES))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The scenarios of n vehicles as arrays; hoops padded to the largest number H.
+
+    Attributes:
+        scenarios: the scenarios themselves, length n.
+        quadrotor, tolerance, dt: shared by all.
+        start, goal: points [m], shape (n, 2).
+        hoop_centre, hoop_direction: shape (n, H, 2) [m], [-].
+        hoop_diameter: shape (n, H) [m].
+        hoop_count: number of hoops, shape (n,).
+        floor, ceiling: heights [m], shape (n,); infinite where there is none.
+        bounds: least x, least z, greatest x, greatest z [m], shape (n, 4).
+        max_steps: steps after which a flight is truncated, shape (n,).
+    """
+
+    scenarios: tuple[Scenario, ...]
+    quadrotor: Quadrotor
+    tolerance: Tolerance
+    dt: float
+    start: Array
+    goal: Array
+    hoop_centre: Array
+    hoop_direction: Array
+    hoop_diameter: Array
+    hoop_count: Integers
+    floor: Array
+    ceiling: Array
+    bounds: Array
+    max_steps: Integers
+
+    @classmethod
+    def of(cls, scenarios: Sequence[Scenario]) -> Scene:
+        """Return the scene of n scenarios that share vehicle, tolerance and dt."""
+        first = scenarios[0]
+        for name in ("quadrotor", "tolerance", "dt"):
+            for other in scenarios:
+                if getattr(other, name) != getattr(first, name):
+                    raise ValueError(
+                        f"scenarios flown together must share {name}: {first.name!r} has {getattr(first, name)}, "
+                        f"{other.name!r} has {getattr(other, name)}"
+                    )
+        n, most = len(scenarios), max(len(s.hoops) for s in scenarios)
+        centre, direction, diameter = np.zeros((n, most, 2)), np.zeros((n, most, 2)), np.zeros((n, most))
+        for i, s in enumerate(scenarios):
+            for j, hoop in enumerate(s.hoops):
+                centre[i, j], direction[i, j], diameter[i, j] = hoop.centre, hoop.direction, hoop.diameter
+        return cls(
+            scenarios=tuple(scenarios),
+            quadrotor=first.quadrotor,
+            tolerance=first.tolerance,
+            dt=first.dt,
+            start=np.array([s.start for s in scenarios]),
+            goal=np.array([s.goal for s in scenarios]),
+            hoop_centre=centre,
+            hoop_direction=direction,
+            hoop_diameter=diameter,
+            hoop_count=np.array([len(s.hoops) for s in scenarios]),
+            floor=np.array([-np.inf if s.floor is None else s.floor for s in scenarios]),
+            ceiling=np.array([np.inf if s.ceiling is None else s.ceiling for s in scenarios]),
+            bounds=np.array([s.bounds for s in scenarios]),
+            max_steps=np.array([s.max_steps for s in scenarios]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.scenarios)
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Where n flights stand.
+
+    Attributes:
+        state: [x, z, vx, vz, theta], shape (n, 5).
+        steps: environment steps flown, shape (n,).
+        hoops_passed: hoops passed so far, shape (n,).
+        outcome: index into OUTCOMES, shape (n,).
+    """
+
+    state: Array
+    steps: Integers
+    hoops_passed: Integers
+    outcome: Integers
+
+    @property
+    def terminated(self) -> NDArray[np.bool_]:
+        """Whether the flight has ended for good, shape (n,)."""
+        return (self.outcome != FLYING) & (self.outcome != TIME_LIMIT)
+
+    @property
+    def truncated(self) -> NDArray[np.bool_]:
+        """Whether only the clock ended the flight, shape (n,)."""
+        return self.outcome == TIME_LIMIT
+
+    def put(self, mask: NDArray[np.bool_], other: Situation) -> Situation:
+        """Return these situations with those under `mask`, shape (n,), taken from `other`."""
+        return Situation(
+            state=np.where(mask[:, None], other.state, self.state),
+            steps=np.where(mask, other.steps, self.steps),
+            hoops_passed=np.where(mask, other.hoops_passed, self.hoops_passed),
+            outcome=np.where(mask, other.outcome, self.outcome),
+        )
