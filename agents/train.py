@@ -43,7 +43,7 @@ class PPOConfig:
     """Name of the scenario."""
     seed: int = 0
     """Seed of starts, network and exploration."""
-    seconds: float = 200.0
+    seconds: float = 250.0
     """Wall time after which training stops [s]; on a machine so slow that this comes first, the schedules
     run over it instead of over `env_steps`."""
     env_steps: int = 5_000_000

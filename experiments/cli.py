@@ -164,9 +164,9 @@ def demos(
     show(pd.DataFrame([row]), as_json, "Recorded")
 
 
-@app.command(epilog="Example: flatquad benchmark --seconds 200")
+@app.command(epilog="Example: flatquad benchmark --seconds 250")
 def benchmark(
-    seconds: Annotated[float, typer.Option(min=1.0, help="Wall time of each training [s].")] = 200.0,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Wall time of each training [s].")] = 250.0,
     seed: Annotated[int, typer.Option(help="Seed of demonstrations and training.")] = 0,
     out: Annotated[Path, typer.Option(help="Folder for results and figures.")] = RESULTS,
     as_json: AsJson = False,
@@ -178,8 +178,16 @@ def benchmark(
     with progress_bar() as bar:
         results = rl_vs_optimal.run(out, seconds=seconds, seed=seed, command=command, bar=bar)
     rows = pd.DataFrame(results["scores"])
-    shown = ["scenario", "agent", "success_rate", "steps", "k_star", "gap", "env_steps", "wall_time_s"]
-    show(rows if as_json else rows[shown], as_json, "Scores")
+    titles = {
+        "scenario": "scenario",
+        "agent": "agent",
+        "success_rate": "success",
+        "steps": "steps",
+        "k_star": "K*",
+        "gap": "gap",
+        "wall_time_s": "training [s]",
+    }
+    show(rows if as_json else rows[list(titles)].rename(columns=titles).round(4), as_json, "Scores")
     messages.print(f"results and figures: {out.resolve()}")
 
 

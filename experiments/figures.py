@@ -43,7 +43,7 @@ def layout(figure: go.Figure, title: str) -> go.Figure:
         title={"text": title, "font": {"size": 17}},
         template="plotly_white",
         font={"family": "system-ui, sans-serif", "size": 13, "color": INK},
-        margin={"l": 55, "r": 20, "t": 60, "b": 50},
+        margin={"l": 55, "r": 20, "t": 80, "b": 50},
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 1.0, "xanchor": "right"},
         hoverlabel={"font": {"family": "system-ui, sans-serif"}},
     )
@@ -205,7 +205,7 @@ def learning(curve: Sequence[Mapping[str, Any]], k_star: float, title: str) -> g
         y=k_star,
         line={"color": INK, "width": 1.5, "dash": "dot"},
         annotation={"text": f"K* = {k_star:.0f} steps", "font": {"color": INK}},
-        annotation_position="bottom left",
+        annotation_position="top right",
     )
     figure.update_yaxes(title="environment steps to the goal", rangemode="normal", zeroline=False)
     figure.update_xaxes(title="environment steps of training", zeroline=False)
