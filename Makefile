@@ -12,7 +12,7 @@ help:
 	@echo "make test        the whole test suite"
 	@echo "make check       lint, format, types and import contracts"
 	@echo "make format      apply the formatter and the safe fixes"
-	@echo "make readme      bring README's scores and pictures up to date with experiments/results"
+	@echo "make readme      publish your latest results in README (needs a Chromium for the picture)"
 
 .venv/installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
@@ -36,6 +36,7 @@ format: .venv/installed
 	$(BIN)/ruff format .
 
 readme: .venv/installed
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[figures]'
 	$(BIN)/python -m experiments.readme
 
 clean:

@@ -5,9 +5,10 @@ from flatgym.extras import require
 require("agents", "stable_baselines3", "torch", "minari", "pandas")
 
 from agents import demonstrations
+from agents.configs import PPOConfig
 from agents.evaluate import FasterThanOptimal, evaluate, fly
 from agents.starts import BackwardStarts
-from agents.train import PPOConfig, Training, train
+from agents.train import Training, train
 from agents.vec_env import FlatQuadVecEnv, make_vec_env
 
 __all__ = [

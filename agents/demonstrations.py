@@ -7,7 +7,9 @@ actions were flown, and only flights that end in the outcome "goal" are stored.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from dataclasses import replace
 from typing import Any
 
@@ -80,7 +82,8 @@ def record(problem: ScenarioLike, flights: list[FewestSteps], name: str | None =
         if info["outcome"] != "goal" or info["steps"] != flight.steps:
             raise RuntimeError(f"{target.name!r}: a planned flight of {flight.steps} steps ended as {info}")
     if name in minari.list_local_datasets():
-        minari.delete_dataset(name)
+        with redirect_stdout(io.StringIO()):  # Minari would print where tables and JSON go
+            minari.delete_dataset(name)
     best = -flights[0].steps * target.dt
     dataset = env.create_dataset(
         dataset_id=name,

@@ -1,7 +1,8 @@
-"""README's tables and picture, made from the committed results: `make readme`.
+"""Publish the latest results: `make readme` copies them and rebuilds README's tables and picture.
 
-Between `<!-- NAME -->` and `<!-- /NAME -->` the README holds what `blocks` returns; a test compares
-the two, so that a number typed by hand does not last.
+`experiments/results` holds your own runs and is not committed; `experiments/results/published` holds
+the runs README speaks of. Between `<!-- NAME -->` and `<!-- /NAME -->` the README holds what `blocks`
+returns; a test compares the two, so that a number typed by hand does not last.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ from experiments.files import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "experiments" / "results"
+PUBLISHED = RESULTS / "published"
+FILES = ("benchmark.json", "scores.csv", "paper.json")
 
 
 def blocks() -> dict[str, str]:
     """Return the generated parts of the README by name."""
-    benchmark = json.loads((RESULTS / "benchmark.json").read_text(encoding="utf-8"))
-    paper = json.loads((RESULTS / "paper.json").read_text(encoding="utf-8"))
+    benchmark = json.loads((PUBLISHED / "benchmark.json").read_text(encoding="utf-8"))
+    paper = json.loads((PUBLISHED / "paper.json").read_text(encoding="utf-8"))
     return {"scores": scores(benchmark), "paper": judged(paper["rows"])}
 
 
@@ -97,15 +100,18 @@ def picture() -> None:
     from experiments import figures
     from experiments.rl_vs_optimal import agent_track, optimal_track
 
-    benchmark = json.loads((RESULTS / "benchmark.json").read_text(encoding="utf-8"))
+    benchmark = json.loads((PUBLISHED / "benchmark.json").read_text(encoding="utf-8"))
     solution = optimal.solve("hoop")
     tracks = [optimal_track(solution), agent_track(benchmark, solution.scenario)]
     chart = figures.paths(solution.scenario, tracks, "hoop: the optimum and an agent trained by PPO")
-    write_text(RESULTS / "hoop-paths.svg", chart.to_image("svg", width=820, height=640).decode())
+    write_text(PUBLISHED / "hoop-paths.svg", chart.to_image("svg", width=1000, height=540).decode())
 
 
 def main() -> None:
-    """Bring README.md up to date."""
+    """Publish what new results there are, and bring README.md up to date."""
+    for name in FILES:
+        if (RESULTS / name).exists():
+            write_text(PUBLISHED / name, (RESULTS / name).read_text(encoding="utf-8"))
     path = ROOT / "README.md"
     write_text(path, filled(path.read_text(encoding="utf-8")))
     picture()

@@ -22,8 +22,9 @@ from rich.progress import Progress
 
 import optimal
 from agents import demonstrations
+from agents.configs import PPOConfig
 from agents.evaluate import Policy, evaluate, fly, versions
-from agents.train import PPOConfig, Training, load, read_curve, train
+from agents.train import Training, load, read_curve, train
 from experiments import figures
 from experiments.files import write_json, write_text
 from flatgym import OUTCOMES

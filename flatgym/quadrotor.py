@@ -20,12 +20,13 @@ Nothing divides by omega: j0 and j1 are power series in a^2 about zero.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from flatgym.validation import number
 
 Array = NDArray[np.float64]
 
@@ -94,9 +95,8 @@ class Quadrotor:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise ValueError(f"Quadrotor.{field.name} must be a finite number, got {value!r}")
+            value = number("Quadrotor", field.name, getattr(self, field.name))
+            object.__setattr__(self, field.name, value)
             if value < 0:
                 raise ValueError(f"Quadrotor.{field.name} must be at least 0, got {value!r}")
         if self.thrust_max <= self.thrust_min:

@@ -14,32 +14,10 @@ from typing import Any
 import numpy as np
 
 from flatgym.quadrotor import Array, Quadrotor
+from flatgym.validation import number, point, positive
 
 BOUNDS_MARGIN = 5.0
 """How far beyond everything a scenario names a flight may stray before it is out of bounds [m]."""
-
-
-def _number(owner: str, name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise ValueError(f"{owner}.{name} must be a number, got {value!r}")
-    if not math.isfinite(value):
-        raise ValueError(f"{owner}.{name} must be finite, got {value!r}")
-    return float(value)
-
-
-def _positive(owner: str, name: str, value: Any) -> float:
-    number = _number(owner, name, value)
-    if number <= 0:
-        raise ValueError(f"{owner}.{name} must be positive, got {value!r}")
-    return number
-
-
-def _point(owner: str, name: str, value: Any) -> tuple[float, float]:
-    try:
-        x, z = value
-    except (TypeError, ValueError):
-        raise ValueError(f"{owner}.{name} must be a point (x, z) in metres, got {value!r}") from None
-    return _number(owner, f"{name}[0]", x), _number(owner, f"{name}[1]", z)
 
 
 @dataclass(frozen=True)
@@ -60,8 +38,8 @@ class Hoop:
 
     def __post_init__(self) -> None:
         for name in ("x", "z", "angle"):
-            object.__setattr__(self, name, _number("Hoop", name, getattr(self, name)))
-        object.__setattr__(self, "diameter", _positive("Hoop", "diameter", self.diameter))
+            object.__setattr__(self, name, number("Hoop", name, getattr(self, name)))
+        object.__setattr__(self, "diameter", positive("Hoop", "diameter", self.diameter))
 
     @property
     def centre(self) -> Array:
@@ -95,7 +73,7 @@ class Tolerance:
 
     def __post_init__(self) -> None:
         for name in ("position", "speed", "angle"):
-            object.__setattr__(self, name, _positive("Tolerance", name, getattr(self, name)))
+            object.__setattr__(self, name, positive("Tolerance", name, getattr(self, name)))
 
 
 @dataclass(frozen=True)
@@ -134,12 +112,12 @@ class Scenario:
         if not isinstance(self.name, str) or not self.name:
             raise ValueError(f"Scenario.name must be a non-empty string, got {self.name!r}")
         for name in ("start", "goal"):
-            put(name, _point("Scenario", name, getattr(self, name)))
+            put(name, point("Scenario", name, getattr(self, name)))
         for name in ("floor", "ceiling"):
             if getattr(self, name) is not None:
-                put(name, _number("Scenario", name, getattr(self, name)))
+                put(name, number("Scenario", name, getattr(self, name)))
         for name in ("dt", "time_limit"):
-            put(name, _positive("Scenario", name, getattr(self, name)))
+            put(name, positive("Scenario", name, getattr(self, name)))
         put("hoops", tuple(self.hoops))
         for name, kind in (("quadrotor", Quadrotor), ("tolerance", Tolerance)):
             if not isinstance(getattr(self, name), kind):
@@ -181,8 +159,8 @@ class Scenario:
                 raise ValueError(f"Scenario.{name} lies at z = {height} m, above the ceiling at {self.ceiling} m")
 
     def _check_hoops(self) -> None:
-        for number, hoop in enumerate(self.hoops):
-            where = f"Scenario.hoops[{number}]"
+        for i, hoop in enumerate(self.hoops):
+            where = f"Scenario.hoops[{i}]"
             if not isinstance(hoop, Hoop):
                 raise ValueError(f"{where} must be a Hoop, got {hoop!r}")
             if hoop.diameter <= 2 * self.quadrotor.radius:

@@ -13,12 +13,13 @@ def own_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
 
 
-def test_stored_episodes_replay_to_the_goal():
+def test_stored_episodes_replay_to_the_goal(capsys):
     flights = demonstrations.plan("ground-6", 3, seed=1)
     assert len({flight.scenario.start for flight in flights}) == 3
     assert all(flight.scenario.start[1] >= 0 for flight in flights)
     demonstrations.record("ground-6", flights)
-    demonstrations.record("ground-6", flights)  # again: replaces, does not fail
+    demonstrations.record("ground-6", flights)  # again: replaces it, without a word
+    assert capsys.readouterr().out == ""
     dataset = minari.load_dataset("flatquad/ground-6/optimal-v0")
     env = dataset.recover_environment()
     assert dataset.total_episodes == 3

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from agents.configs import PPOConfig
 from agents.evaluate import fly
 from agents.starts import BackwardStarts
-from agents.train import GentleFailure, PPOConfig, Schedules, build, load, read_curve, train
+from agents.train import GentleFailure, Schedules, build, load, read_curve, train
 from agents.vec_env import make_vec_env
 from flatgym import SCENARIOS
 from optimal import fewest_steps

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from rich.progress import Progress
 
-from agents.train import PPOConfig
+from agents.configs import PPOConfig
 from experiments import rl_vs_optimal
 from flatgym import OUTCOMES, SCENARIOS
 from flatgym.task import fly_actions

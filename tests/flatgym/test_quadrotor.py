@@ -89,8 +89,8 @@ def test_actions_map_onto_the_control_box_and_back(generator, quadrotor):
         ("thrust_max", 0.5, "thrust_max must exceed thrust_min = 1.0, got 0.5"),
         ("thrust_min", -1.0, "at least 0, got -1.0"),
         ("rate_max", 0.0, "rate_max must be positive"),
-        ("gravity", float("nan"), "gravity must be a finite number, got nan"),
-        ("radius", "wide", "radius must be a finite number, got 'wide'"),
+        ("gravity", float("nan"), "gravity must be finite, got nan"),
+        ("radius", "wide", "radius must be a number, got 'wide'"),
     ],
 )
 def test_impossible_vehicles_are_refused(field, value, words):
