@@ -9,6 +9,7 @@ true scenario; the policy that needed fewest steps is the one that is kept.
 from __future__ import annotations
 
 import json
+import math
 import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -94,7 +95,7 @@ class Schedules(BaseCallback):
     def __init__(self, config: PPOConfig, starts: BackwardStarts, target: float) -> None:
         super().__init__()
         self.config, self.starts, self.target, self.scenario = config, starts, target, starts.scenario
-        self.began, self.rollouts, self.rate = time.perf_counter(), 0, config.learning_rate
+        self.began, self.rollouts, self.rate = math.inf, 0, config.learning_rate
         self.curve: list[dict[str, Any]] = []
         self.best = np.inf
         self.best_parameters: dict[str, torch.Tensor] | None = None
@@ -103,6 +104,9 @@ class Schedules(BaseCallback):
     def elapsed(self) -> float:
         """Wall time since training began [s]."""
         return time.perf_counter() - self.began
+
+    def _on_training_start(self) -> None:
+        self.began = time.perf_counter()
 
     def _on_step(self) -> bool:
         return self.best > self.target and self.elapsed < self.config.seconds

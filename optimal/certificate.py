@@ -36,7 +36,8 @@ class Certificate:
     Attributes:
         max_control_violation: largest excess of thrust or rate over its limits, relative to the
             upper limit, in continuous time.
-        max_path_violation: largest depth below the floor or above the ceiling, in continuous time [m].
+        max_path_violation: largest depth below the floor, above the ceiling, or of the body in the rim of
+            a hoop, in continuous time [m].
         replay_error: largest difference between the flight's states and its controls flown again
             through `Quadrotor.step` [m, m/s, rad].
         terminal_error: largest difference of the replay's last state from rest at the goal, theta
@@ -146,12 +147,17 @@ def fly_again(flight: Flight, scenario: Scenario, time: Array, states: Array) ->
 
 
 def path_violation(arcs: Arc, scenario: Scenario) -> float:
-    """Return the largest depth of the arcs below the floor or above the ceiling [m]."""
+    """Return the largest depth of the arcs below the floor, above the ceiling, or of the body in a hoop's rim [m]."""
     depth, up = 0.0, np.array([0.0, 1.0])
     if scenario.floor is not None:
         depth = max(depth, scenario.floor - float(arcs.lowest(up).min()))
     if scenario.ceiling is not None:
         depth = max(depth, -float(arcs.lowest(-up).min()) - scenario.ceiling)
+    radius = scenario.quadrotor.radius
+    for hoop in scenario.hoops if radius > 0 else ():
+        for side in (-0.5, 0.5):
+            rim = hoop.centre + side * hoop.diameter * hoop.across
+            depth = max(depth, radius - float(arcs.distance(np.broadcast_to(rim, (len(arcs), 2))).min()))
     return depth
 
 

@@ -79,6 +79,21 @@ def test_hoops_missed_or_flown_backwards_are_seen():
     assert not certify(flight, narrow).holds()
 
 
+def test_a_body_that_grazes_a_rim_is_seen():
+    # Through the gap with room to spare where it crosses the line, but past the rim at an angle.
+    hoop = Hoop(2.5, 2.5, 0.7, math.pi / 4 + 1.2)
+    scenario = replace(SCENARIOS["hoop"], hoops=(hoop,))
+    flight = shoot(scenario).trajectory
+    body = replace(scenario, quadrotor=Quadrotor(radius=0.12))
+    times = np.linspace(0, flight.duration, 20001)
+    rims = [hoop.centre + side * hoop.across * hoop.diameter / 2 for side in (-1, 1)]
+    nearest = min(np.hypot(*(flight(times) - rim).T).min() for rim in rims)
+    certificate = certify(flight, body)
+    assert certificate.max_path_violation == pytest.approx(0.12 - nearest, abs=1e-3)
+    assert nearest < 0.12
+    assert not certificate.holds()
+
+
 def test_nothing_shows_nothing():
     certificate = certify(None, SCENARIOS["hoop"])
     assert not certificate.holds()
