@@ -53,8 +53,9 @@ def show(rows: pd.DataFrame, as_json: bool, title: str = "") -> None:
         typer.echo(json.dumps(plain(rows.to_dict("records")), indent=1))
         return
     table = Table(title=title, header_style="bold", title_justify="left")
-    for column in rows.columns:
-        table.add_column(escape(column), justify="right" if pd.api.types.is_numeric_dtype(rows[column]) else "left")
+    for i, column in enumerate(rows.columns):
+        numeric = pd.api.types.is_numeric_dtype(rows[column])
+        table.add_column(escape(column), justify="right" if numeric else "left", no_wrap=i == 0)
     for _, row in rows.iterrows():
         table.add_row(*(_cell(value) for value in row))
     screen.print(table)
@@ -138,9 +139,9 @@ def paper(
     shown = rows.set_axis(rows["scenario"], axis=0)[list(titles)].rename(columns=titles).round(4)
     show(shown.reset_index(), as_json, "The paper's flights: printed, rebuilt, flown [s]")
     screen.print(
-        "nodes only: the published transcription, limits at grid nodes only; its excess is the largest\n"
-        "violation between nodes, relative to the limit. flat, T*: the paper's method and shooting, within\n"
-        "all limits at all times. bound: no flight is faster, by an argument on thrust alone.",
+        "nodes only: the published transcription, limits at grid nodes only; its excess is the largest violation "
+        "between nodes, relative to the limit. flat, T*: the paper's method and shooting, within all limits at all "
+        "times. bound: no flight is faster, by an argument on thrust alone.",
         markup=False,
     )
 

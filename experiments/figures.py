@@ -98,7 +98,7 @@ def paths(scenario: Scenario, tracks: Sequence[Track], title: str, vehicles: int
         figure.update_yaxes(
             range=[low[1], high[1]], scaleanchor=x_axis, scaleratio=1, zeroline=False, constrain="domain", **panel
         )
-        figure.update_xaxes(range=[low[0], high[0]], zeroline=False, constrain="domain", **panel)
+        figure.update_xaxes(range=[low[0], high[0]], zeroline=False, constrain="domain", dtick=1, **panel)
     figure.update_yaxes(title="z [m]", col=1)
     figure.update_xaxes(title="x [m]", row=rows)
     return layout(figure, title).update_layout(showlegend=False)

@@ -86,11 +86,11 @@ def judged(rows: list[dict[str, Any]]) -> str:
 def filled(text: str) -> str:
     """Return the README's text with its blocks replaced."""
     for name, block in blocks().items():
-        pattern = re.compile(rf"(<!-- {name} -->\n).*?(\n<!-- /{name} -->)", re.DOTALL)
+        pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
         parts = pattern.split(text)
         if len(parts) != 4:
             raise ValueError(f"README.md must hold one block <!-- {name} --> ... <!-- /{name} -->")
-        text = parts[0] + parts[1] + block + parts[2] + parts[3]
+        text = parts[0] + parts[1] + block + "\n" + parts[2] + parts[3]
     return text
 
 
