@@ -86,12 +86,14 @@ def list_scenarios(as_json: AsJson = False) -> None:
     show(pd.DataFrame(rows), as_json, "Scenarios")
 
 
-@app.command(epilog="Example: flatquad solve hoop; flatquad solve horizontal-6 --method flat")
+@app.command(epilog="Example: flatquad solve hoop --out hoop.csv; flatquad solve horizontal-6 --method flat")
 def solve(
     scenario: Scenario,
     method: Annotated[str, typer.Option(help="shooting, or flat: the paper's eq. (10).")] = "shooting",
     checks: Annotated[str, typer.Option(help="flat only: certified, or nodes as published.")] = "certified",
     steps: Annotated[bool, typer.Option("--steps", help="Also find K*, the fewest environment steps.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Write the flight to a .csv, .json or .npz file.")] = None,
+    dt: Annotated[float, typer.Option(help="Time between the rows of that file [s].")] = 0.01,
     as_json: AsJson = False,
 ) -> None:
     """Find the time-optimal flight of a scenario and certify it."""
@@ -101,6 +103,9 @@ def solve(
         row = solution.row()
         if steps:
             row["k_star"] = optimal.fewest_steps(scenario).steps
+    if out is not None:
+        assert solution.trajectory is not None
+        messages.print(f"flight: {optimal.save(solution.trajectory.sample(dt), out)}")
     show(pd.DataFrame([row]) if as_json else _upright(row), as_json, solution.status.value)
 
 

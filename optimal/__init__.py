@@ -6,6 +6,7 @@ require("optimal", "casadi", "scipy")
 
 from optimal.bounds import projection_bound as lower_bound
 from optimal.certificate import Certificate, certify
+from optimal.export import load, save
 from optimal.planning import plan
 from optimal.solution import Solution, SolveFailed, Status
 from optimal.solve import solve
@@ -22,7 +23,9 @@ __all__ = [
     "Trajectory",
     "certify",
     "fewest_steps",
+    "load",
     "lower_bound",
     "plan",
+    "save",
     "solve",
 ]

@@ -6,6 +6,7 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
+import optimal
 from experiments import cli
 from flatgym import SCENARIOS
 
@@ -44,12 +45,20 @@ def test_solve_prints_the_certified_row(monkeypatch, capsys):
     assert row["max_control_violation"] == 0
 
 
+def test_solve_writes_the_flight(monkeypatch, capsys, tmp_path):
+    path = tmp_path / "flight.csv"
+    status, _, _ = flatquad(monkeypatch, capsys, "solve", "horizontal-3", "--out", str(path), "--dt", "0.05", "--json")
+    assert status == 0
+    assert optimal.load(path).time[-1] == pytest.approx(0.8987, abs=5e-4)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["solve", "hop"], "did you mean 'hoop'"),
         (["solve", "hoop", "--method", "flt"], "did you mean 'flat'"),
         (["solve", "hoop", "--speed", "9"], "No such option"),
+        (["solve", "horizontal-3", "--out", "flight.pkl"], "unknown ending '.pkl'"),
         (["demos", "hoop", "-n", "0"], "greater than or equal"),
     ],
 )
