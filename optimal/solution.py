@@ -21,8 +21,9 @@ class Status(StrEnum):
         "and check that goal and hoops can be reached between floor and ceiling."
     )
     NOT_CERTIFIED = (
-        "Not solved: the optimiser converged, but the flight breaks a limit between its nodes; "
-        "solve again with more nodes or intervals."
+        "Not solved: the optimiser converged, but its fastest flight breaks a limit between the nodes, as the "
+        "certificate says; solve again with more nodes or intervals. A body with a radius meets the rims of its "
+        "hoops unseen by the optimiser: give the hoops a smaller diameter instead."
     )
     LIMITS_AT_NODES_ONLY = (
         "Not a flight: limits hold at the grid nodes only, as published; see the certificate for the violation "

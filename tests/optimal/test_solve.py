@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import optimal
-from flatgym import SCENARIOS, Hoop
+from flatgym import SCENARIOS, Hoop, Quadrotor
 from optimal import SolveFailed, Status
 
 
@@ -75,3 +75,12 @@ def test_unknown_words_and_empty_searches_are_refused():
         optimal.solve("horizontal-3", method="flat", checks="often")
     with pytest.raises(ValueError, match="prints no outer paths"):
         optimal.solve(replace(SCENARIOS["diagonal"], hoops=(Hoop(2, 1, 0.5),)), method="flat")
+
+
+def test_a_slower_certified_flight_is_not_called_the_optimum():
+    # The fastest flight grazes the rim; others, slower by a sixth, do not.
+    body = replace(SCENARIOS["high-hoop"], quadrotor=Quadrotor(radius=0.1))
+    solution = optimal.solve(body, throw=False)
+    assert solution.status is Status.NOT_CERTIFIED
+    assert solution.time == math.inf
+    assert solution.certificate.max_path_violation > 1e-3
