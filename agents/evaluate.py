@@ -68,7 +68,7 @@ class FasterThanOptimal(AssertionError):
 
 @dataclass(frozen=True)
 class Flights:
-    """Flights of one policy: `steps` (n,), `outcomes` (n words), and the first flight's states and actions."""
+    """Flights of one policy: `steps` (n,), `outcomes` (n words), and of each its states (K+1, 5) and actions (K, 2)."""
 
     steps: NDArray[np.int64]
     outcomes: tuple[str, ...]

@@ -19,7 +19,7 @@ from rich.table import Table
 
 import flatgym
 import optimal
-from experiments.files import plain, write_json
+from experiments.files import SCHEMA, plain, write_json
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -47,15 +47,22 @@ def progress_bar() -> Progress:
     )
 
 
-def show(rows: pd.DataFrame, as_json: bool, title: str = "") -> None:
-    """Print rows as a table, or as a JSON list of objects."""
+def command_line() -> str:
+    """Return what the user typed, for the record in results files."""
+    return " ".join(["flatquad", *sys.argv[1:]])
+
+
+def show(rows: pd.DataFrame, as_json: bool, title: str = "", columns: dict[str, str] | None = None) -> None:
+    """Print rows as a JSON list of objects, or as a table: all columns, or those in `columns` under shorter names."""
     if as_json:
         typer.echo(json.dumps(plain(rows.to_dict("records")), indent=1))
         return
+    if columns is not None:
+        rows = rows[list(columns)].rename(columns=columns).round(4)
     table = Table(title=title, header_style="bold", title_justify="left")
     for i, column in enumerate(rows.columns):
         numeric = pd.api.types.is_numeric_dtype(rows[column])
-        table.add_column(escape(column), justify="right" if numeric else "left", no_wrap=i == 0)
+        table.add_column(escape(column), justify="right" if numeric else "left", no_wrap=i == 0, overflow="fold")
     for _, row in rows.iterrows():
         table.add_row(*(_cell(value) for value in row))
     screen.print(table)
@@ -127,12 +134,11 @@ def paper(
     with progress_bar() as bar:
         work = bar.add_task("the paper's cases", total=len(PRINTED), note="")
         rows = table(progress=lambda: bar.advance(work))
-    command = " ".join(["flatquad", *sys.argv[1:]])
-    write_json(out, {"command": command, "versions": versions(), "rows": rows.to_dict("records")})
-    if as_json:
-        show(rows, as_json)
-        return
+    write_json(
+        out, {"schema": SCHEMA, "command": command_line(), "versions": versions(), "rows": rows.to_dict("records")}
+    )
     titles = {
+        "scenario": "case",
         "printed_s": "printed",
         "nodes_only_s": "nodes only",
         "nodes_only_violation": "excess",
@@ -141,8 +147,9 @@ def paper(
         "reference_8_s": "[8]",
         "lower_bound_s": "bound",
     }
-    shown = rows.set_axis(rows["scenario"], axis=0)[list(titles)].rename(columns=titles).round(4)
-    show(shown.reset_index(), as_json, "The paper's flights: printed, rebuilt, flown [s]")
+    show(rows, as_json, "The paper's flights: printed, rebuilt, flown [s]", titles)
+    if as_json:
+        return
     screen.print(
         "nodes only: the published transcription, limits at grid nodes only; its excess is the largest violation "
         "between nodes, relative to the limit. flat, T*: the paper's method and shooting, within all limits at all "
@@ -180,10 +187,8 @@ def benchmark(
     """Solve, demonstrate, train and score: how far from optimal is PPO?"""
     from experiments import rl_vs_optimal
 
-    command = " ".join(["flatquad", *sys.argv[1:]])
     with progress_bar() as bar:
-        results = rl_vs_optimal.run(out, seconds=seconds, seed=seed, command=command, bar=bar)
-    rows = pd.DataFrame(results["scores"])
+        results = rl_vs_optimal.run(out, seconds=seconds, seed=seed, command=command_line(), bar=bar)
     titles = {
         "scenario": "scenario",
         "agent": "agent",
@@ -193,7 +198,7 @@ def benchmark(
         "gap": "gap",
         "wall_time_s": "training [s]",
     }
-    show(rows if as_json else rows[list(titles)].rename(columns=titles).round(4), as_json, "Scores")
+    show(pd.DataFrame(results["scores"]), as_json, "Scores", titles)
     messages.print(f"results and figures: {out.resolve()}")
 
 

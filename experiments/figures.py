@@ -205,7 +205,7 @@ def learning(curve: Sequence[Mapping[str, Any]], k_star: float, title: str) -> g
         y=k_star,
         line={"color": INK, "width": 1.5, "dash": "dot"},
         annotation={"text": f"K* = {k_star:.0f} steps", "font": {"color": INK}},
-        annotation_position="top right",
+        annotation_position="top left",
     )
     figure.update_yaxes(title="environment steps to the goal", rangemode="normal", zeroline=False)
     figure.update_xaxes(title="environment steps of training", zeroline=False)

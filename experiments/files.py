@@ -8,6 +8,9 @@ import os
 from pathlib import Path
 from typing import Any
 
+SCHEMA = 1
+"""Version of the results files; a reader refuses another."""
+
 
 def write_text(path: Path, text: str) -> None:
     """Write a file under a temporary name, then rename it: a reader never sees half of it."""

@@ -12,7 +12,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from experiments.files import write_text
+from experiments.files import SCHEMA, write_text
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "experiments" / "results"
@@ -20,11 +20,18 @@ PUBLISHED = RESULTS / "published"
 FILES = ("benchmark.json", "scores.csv", "paper.json")
 
 
+def published(name: str) -> Any:
+    """Return a published results file; a ValueError names one of another version."""
+    path = PUBLISHED / name
+    results = json.loads(path.read_text(encoding="utf-8"))
+    if results.get("schema") != SCHEMA:
+        raise ValueError(f"{path} has schema {results.get('schema')!r}, this version reads {SCHEMA}: run it again")
+    return results
+
+
 def blocks() -> dict[str, str]:
     """Return the generated parts of the README by name."""
-    benchmark = json.loads((PUBLISHED / "benchmark.json").read_text(encoding="utf-8"))
-    paper = json.loads((PUBLISHED / "paper.json").read_text(encoding="utf-8"))
-    return {"scores": scores(benchmark), "paper": judged(paper["rows"])}
+    return {"scores": scores(published("benchmark.json")), "paper": judged(published("paper.json")["rows"])}
 
 
 def markdown(head: list[str], rows: list[list[str]]) -> str:
@@ -100,9 +107,8 @@ def picture() -> None:
     from experiments import figures
     from experiments.rl_vs_optimal import agent_track, optimal_track
 
-    benchmark = json.loads((PUBLISHED / "benchmark.json").read_text(encoding="utf-8"))
     solution = optimal.solve("hoop")
-    tracks = [optimal_track(solution), agent_track(benchmark, solution.scenario)]
+    tracks = [optimal_track(solution), agent_track(published("benchmark.json"), solution.scenario)]
     chart = figures.paths(solution.scenario, tracks, "hoop: the optimum and an agent trained by PPO")
     write_text(PUBLISHED / "hoop-paths.svg", chart.to_image("svg", width=1000, height=540).decode())
 

@@ -26,7 +26,7 @@ from agents.configs import PPOConfig
 from agents.evaluate import Policy, evaluate, fly, versions
 from agents.train import Training, load, read_curve, train
 from experiments import figures
-from experiments.files import write_json, write_text
+from experiments.files import SCHEMA, write_json, write_text
 from flatgym import OUTCOMES
 from flatgym.scenario import Scenario
 from flatgym.task import fly_actions
@@ -35,8 +35,6 @@ from optimal import FewestSteps, Solution
 SCENARIOS = ("horizontal-6", "hoop")
 DEMONSTRATIONS = 6
 EPISODES = 10
-SCHEMA = 1
-"""Version of benchmark.json; a reader refuses another."""
 
 
 def run(

@@ -80,6 +80,20 @@ def advance(scene: Scene, situation: Situation, control: Array) -> Situation:
     return replace(after, outcome=outcome(scene, arc, after))
 
 
+def fly_actions(scenario: Scenario, actions: NDArray[Any]) -> list[Situation]:
+    """Fly actions (K, 2) from the scenario's start; return the situations, from the start to the end of the flight.
+
+    The list is shorter than K + 1 when the flight ends before the last action.
+    """
+    scene = Scene.of([scenario])
+    situations = [initial(scene)]
+    for action in actions:
+        if situations[-1].outcome[0] != FLYING:
+            break
+        situations.append(advance(scene, situations[-1], scenario.quadrotor.control(action)[None]))
+    return situations
+
+
 def outcome(scene: Scene, arc: Arc, after: Situation) -> Integers:
     """Return how the flights stand after the step flown along `arc`, shape (n,), as in OUTCOMES.
 
@@ -93,7 +107,7 @@ def outcome(scene: Scene, arc: Arc, after: Situation) -> Integers:
     code = np.where((x < low_x) | (x > high_x) | (z < low_z) | (z > high_z), OUT_OF_BOUNDS, code)
     up = np.array([0.0, 1.0])
     for direction, limit, word in ((-up, -scene.ceiling, CEILING), (up, scene.floor, FLOOR)):
-        near = z * direction[1] - 2 * arc.reach < limit
+        near = z * direction[1] - arc.reach < limit
         if near.any():
             touches = arc[near].lowest(direction) < limit[near] - CONTACT_SLACK
             code[near] = np.where(touches, word, code[near])
@@ -154,20 +168,6 @@ def _touches_rim(scene: Scene, arc: Arc) -> NDArray[np.bool_]:
 def _squash(value: Array, unit: float, most: float) -> Array:
     """Return asinh(value / unit), scaled to 1 at `most` and clipped: fine near 0, bounded afar."""
     return np.clip(np.arcsinh(value / unit) / np.arcsinh(most / unit), -1.0, 1.0)
-
-
-def fly_actions(scenario: Scenario, actions: NDArray[Any]) -> list[Situation]:
-    """Fly actions (K, 2) from the scenario's start; return the situations, from the start to the end of the flight.
-
-    The list is shorter than K + 1 when the flight ends before the last action.
-    """
-    scene = Scene.of([scenario])
-    situations = [initial(scene)]
-    for action in actions:
-        if situations[-1].outcome[0] != FLYING:
-            break
-        situations.append(advance(scene, situations[-1], scenario.quadrotor.control(action)[None]))
-    return situations
 
 
 def observe(scene: Scene, situation: Situation) -> NDArray[np.float32]:

@@ -87,7 +87,7 @@ def certify(flight: Flight | None, scenario: Scenario) -> Certificate:
         time = fine_grid(flight.breakpoints, points)
         states = flight.state(time)
         replay, arcs = fly_again(flight, scenario, time, states)
-        if not np.isfinite(replay).all():
+        if not (np.isfinite(states).all() and np.isfinite(replay).all()):
             return Certificate(lower_bound=bound)
         if np.abs(replay - states).max() <= TOLERANCE / 10:
             break

@@ -28,7 +28,7 @@ from optimal import transcription as tr
 from optimal.trajectory import Trajectory
 
 NODES = 100
-"""Steps of a whole flight; T* moves by less than 1e-4 s from 100 to 400 on the named scenarios."""
+"""Steps of a whole flight; with 400, T* falls by at most 3e-4 s on the named scenarios, 1.1e-5 s on the horizontals."""
 LEAST_NODES = 25
 """Fewest steps of one phase."""
 LONGEST = 20.0

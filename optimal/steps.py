@@ -200,6 +200,8 @@ def _first_guess(target: Scenario, shot: Shot, crossings: Sequence[int], count: 
 def _crossing_steps(target: Scenario, shot: Shot, count: int) -> Iterator[tuple[int, ...]]:
     """Yield the steps in which each hoop may be crossed: as in the free-time flight, then one off at one hoop."""
     times = crossing_times(shot.trajectory, target)
+    if len(times) < len(target.hoops):  # grazed rather than crossed: no step to begin with
+        return
     base = np.clip(np.floor(times / shot.trajectory.duration * count), 0, count - 1).astype(int)
     yield tuple(map(int, base))
     for i in range(len(base)):

@@ -40,3 +40,10 @@ def test_published_flights_replay_to_their_scores():
             flown = fly_actions(SCENARIOS[row["scenario"]], np.array(flights[agent], dtype=np.float32))
             assert OUTCOMES[flown[-1].outcome[0]] == "goal"
             assert len(flown) - 1 == steps
+
+
+def test_results_of_another_version_are_refused(tmp_path, monkeypatch):
+    (tmp_path / "paper.json").write_text('{"schema": 0, "rows": []}')
+    monkeypatch.setattr(readme, "PUBLISHED", tmp_path)
+    with pytest.raises(ValueError, match=r"paper\.json has schema 0, this version reads 1"):
+        readme.published("paper.json")

@@ -12,6 +12,7 @@ from rich.progress import Progress
 
 from agents.configs import PPOConfig
 from experiments import rl_vs_optimal
+from experiments.files import SCHEMA
 from flatgym import OUTCOMES, SCENARIOS
 from flatgym.task import fly_actions
 
@@ -35,7 +36,7 @@ def run(tmp_path_factory):
 def test_results_are_on_disk_as_returned(run):
     out, results = run
     stored = json.loads((out / "benchmark.json").read_text())
-    assert stored["schema"] == rl_vs_optimal.SCHEMA
+    assert stored["schema"] == SCHEMA
     assert stored["command"] == results["command"] == "flatquad benchmark"
     (row,) = stored["scores"]
     (line,) = csv.DictReader((out / "scores.csv").read_text().splitlines())
