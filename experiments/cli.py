@@ -59,7 +59,7 @@ def show(rows: pd.DataFrame, as_json: bool, title: str = "", columns: dict[str, 
         return
     if columns is not None:
         rows = rows[list(columns)].rename(columns=columns).round(4)
-    table = Table(title=title, header_style="bold", title_justify="left")
+    table = Table(title=escape(title), header_style="bold", title_justify="left")
     for i, column in enumerate(rows.columns):
         numeric = pd.api.types.is_numeric_dtype(rows[column])
         table.add_column(escape(column), justify="right" if numeric else "left", no_wrap=i == 0, overflow="fold")
@@ -123,20 +123,25 @@ def _upright(row: dict[str, Any]) -> pd.DataFrame:
 
 @app.command(epilog="Example: flatquad paper --json")
 def paper(
-    out: Annotated[Path, typer.Option(help="File to write the rows to, with the versions that made them.")] = RESULTS
+    out: Annotated[Path, typer.Option(help="File to write the rows to; figures 2 to 6 go beside it.")] = RESULTS
     / "paper.json",
     as_json: AsJson = False,
 ) -> None:
-    """Compare the paper's printed times with what can be flown."""
+    """Compare the paper's printed times with what can be flown, road by road, and draw its figures."""
     from agents.evaluate import versions
-    from experiments.paper import PRINTED, table
+    from experiments import paper, paper_figures
 
     with progress_bar() as bar:
-        work = bar.add_task("the paper's cases", total=len(PRINTED), note="")
-        rows = table(progress=lambda: bar.advance(work))
-    write_json(
-        out, {"schema": SCHEMA, "command": command_line(), "versions": versions(), "rows": rows.to_dict("records")}
-    )
+        work = bar.add_task("the paper's cases", total=len(paper.questions()), note="")
+        rows, ease = paper.tables(progress=lambda: bar.advance(work))
+        record = {"rows": rows.to_dict("records"), "ease": ease.to_dict("records")}
+        write_json(out, {"schema": SCHEMA, "command": command_line(), "versions": versions(), **record})
+        work = bar.add_task("the paper's figures", total=len(paper_figures.FIGURES), note="")
+        paper_figures.write(out.parent, progress=lambda: bar.advance(work))
+    messages.print(f"results and figures: {out.parent.resolve()}")
+    if as_json:
+        typer.echo(json.dumps(plain(record), indent=1))
+        return
     titles = {
         "scenario": "case",
         "printed_s": "printed",
@@ -144,16 +149,33 @@ def paper(
         "nodes_only_violation": "excess",
         "flat_certified_s": "flat",
         "shooting_s": "T*",
+        "pontryagin_s": "Pontryagin",
         "reference_8_s": "[8]",
         "lower_bound_s": "bound",
     }
     show(rows, as_json, "The paper's flights: printed, rebuilt, flown [s]", titles)
-    if as_json:
-        return
     screen.print(
         "nodes only: the published transcription, limits at grid nodes only; its excess is the largest violation "
         "between nodes, relative to the limit. flat, T*: the paper's method and shooting, within all limits at all "
-        "times. bound: no flight is faster, by an argument on thrust alone.",
+        "times. Pontryagin: the method of [8], for flights in free space. bound: no flight is faster, by an argument "
+        "on thrust alone.\n",
+        markup=False,
+    )
+    titles = {
+        "scenario": "case",
+        "road": "road",
+        "best_s": "best",
+        "iterations": "iterations",
+        "cold_s": "cold",
+        "warm_s": "warm",
+        "starts": "starts",
+        "converged": "converged",
+        "succeeded": "found",
+    }
+    show(ease, as_json, "How easily: one solve from a plain start, and such starts on several grids [s]", titles)
+    screen.print(
+        f"cold: with the program yet to be built; warm: again. found: starts whose flight keeps all limits at all "
+        f"times and is within {paper.SUCCESS:.1%} of the road's best.",
         markup=False,
     )
 

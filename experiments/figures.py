@@ -20,7 +20,7 @@ from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenario import Scenario
 
 COLOURS = ("#0b6e99", "#d1603d", "#4f772d", "#7a4988")
-INK, FAINT, FLAME = "#22303c", "#dfe4e8", "#e8a33d"
+INK, OUTLINE, FAINT, FLAME = "#22303c", "#8b98a3", "#dfe4e8", "#e8a33d"
 ARM = 0.18
 """Half the width of the drawn quadrotor [m]."""
 THRUST_LENGTH = 0.02
@@ -61,8 +61,8 @@ def vehicle(state: Array) -> Array:
     left, right = state[0:2] - ARM * along, state[0:2] + ARM * along
     outline = [left, right, gap]
     for end in (left, right):
-        tip = end + 0.35 * ARM * up
-        outline += [end, tip, gap, tip - 0.55 * ARM * along, tip + 0.55 * ARM * along, gap]
+        tip = end + 0.3 * ARM * up
+        outline += [end, tip, gap, tip - 0.5 * ARM * along, tip + 0.5 * ARM * along, gap]
     return np.array(outline)
 
 
@@ -72,11 +72,15 @@ def thrust_line(state: Array, thrust: float) -> Array:
     return np.array([state[0:2], state[0:2] + THRUST_LENGTH * thrust * up, np.full(2, np.nan)])
 
 
-def paths(scenario: Scenario, tracks: Sequence[Track], title: str, vehicles: int = 14) -> go.Figure:
-    """Return the paths of flights through a scenario, `vehicles` quadrotors drawn on each in equal time steps.
+def paths(
+    scenario: Scenario | Sequence[Scenario], tracks: Sequence[Track], title: str, vehicles: int = 14
+) -> go.Figure:
+    """Return the paths of flights through a scenario, or each through its own, with the vehicle drawn on them.
 
-    Each flight has a panel of its own, side by side where they are tall and stacked where they are wide.
+    Each flight has a panel of its own, side by side where they are tall and stacked where they are wide,
+    and on it `vehicles` quadrotors in equal time steps.
     """
+    scenarios = [scenario] * len(tracks) if isinstance(scenario, Scenario) else scenario
     points = np.concatenate([track.state[:, 0:2] for track in tracks])
     low, high = points.min(axis=0) - 0.6, points.max(axis=0) + 0.6
     wide = high[0] - low[0] > 2 * (high[1] - low[1])
@@ -90,10 +94,10 @@ def paths(scenario: Scenario, tracks: Sequence[Track], title: str, vehicles: int
         horizontal_spacing=0.05,
         vertical_spacing=0.14,
     )
-    for i, (track, colour) in enumerate(zip(tracks, COLOURS, strict=False)):
+    for i, (track, world, colour) in enumerate(zip(tracks, scenarios, COLOURS, strict=False)):
         panel = {"row": i + 1, "col": 1} if wide else {"row": 1, "col": i + 1}
         _flight(figure, track, colour, vehicles, panel)
-        _scenery(figure, scenario, low, high, panel)
+        _scenery(figure, world, low, high, panel)
         x_axis = next(figure.select_yaxes(**panel)).anchor
         figure.update_yaxes(
             range=[low[1], high[1]], scaleanchor=x_axis, scaleratio=1, zeroline=False, constrain="domain", **panel
@@ -112,8 +116,8 @@ def _flight(figure: go.Figure, track: Track, colour: str, vehicles: int, panel: 
     thrusts = [thrust_line(state, thrust) for state, thrust in zip(drawn, track.control[held, 0], strict=True)]
     for line, name, style in (
         (np.concatenate(thrusts), "thrust", {"color": FLAME, "width": 2}),
-        (track.state[:, 0:2], track.name, {"color": colour, "width": 1.5}),
-        (np.concatenate([vehicle(state) for state in drawn]), "vehicle", {"color": INK, "width": 2.2}),
+        (track.state[:, 0:2], track.name, {"color": colour, "width": 2, "simplify": False}),
+        (np.concatenate([vehicle(state) for state in drawn]), "vehicle", {"color": INK, "width": 1.8}),
     ):
         path = name == track.name
         figure.add_scatter(
@@ -169,9 +173,11 @@ def controls(quadrotor: Quadrotor, tracks: Sequence[Track], title: str) -> go.Fi
                 col=1,
             )
         # After the traces: Plotly draws no line into a panel that is still empty.
-        for limit in limits[:, row - 1]:
-            figure.add_hline(y=limit, line={"color": INK, "width": 1, "dash": "dot"}, row=row, col=1)
-        figure.update_yaxes(title=label, zeroline=False, row=row, col=1)
+        low, high = limits[:, row - 1]
+        for limit in (low, high):
+            figure.add_hline(y=limit, line={"color": OUTLINE, "width": 1, "dash": "dot"}, row=row, col=1)
+        room = 0.07 * (high - low)
+        figure.update_yaxes(title=label, zeroline=False, range=[low - room, high + room], row=row, col=1)
     figure.update_xaxes(title="time [s]", zeroline=False, row=2, col=1)
     return layout(figure, title)
 

@@ -1,17 +1,34 @@
 """The paper's results beside ours: what it printed, what its transcription gives, what can be flown.
 
-One row a case: Table I (horizontal displacements), the ground constraint, the displacement to
-(5, 5), and the hoop. The printed numbers are facts of the paper; all others are computed here.
+`compare` answers for one case, Table I, the ground constraint, the displacement to (5, 5) or the hoop,
+at which time each road arrives. The printed numbers are facts of the paper; all others are computed here.
+
+`ease` looks into the paper's argument that its problem "can be initialized easily" (section II-E): for
+each road, with a plain start and no search, how many iterations and seconds it takes, and how often it
+arrives. Seconds are told cold, with the program yet to be built, and warm; so every question of `tables`
+is answered in a process of its own.
 """
 
 from __future__ import annotations
 
+import multiprocessing
+import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import inf
 from typing import Any
 
 import pandas as pd
 
 import optimal
+from flatgym import SCENARIOS, Scenario
+from optimal.corridors import paper_corridor
+from optimal.costates import arcs_of
+from optimal.planning import INTERVALS, plan
+from optimal.pontryagin import fastest, refine
+from optimal.shooting import NODES, shoot
+from optimal.trajectory import Flight
 
 PRINTED = {
     "horizontal-3": 0.8902,
@@ -43,13 +60,26 @@ COLUMNS = (
     "flat_certified_s",
     "flat_status",
     "shooting_s",
+    "pontryagin_s",
     "reference_8_s",
     "lower_bound_s",
 )
+EASE_COLUMNS = ("scenario", "road", "best_s", "iterations", "cold_s", "warm_s", "starts", "converged", "succeeded")
+
+INTERVAL_COUNTS = (20, 30, 40, 50, 60)
+"""Grids of the flat roads' plain starts."""
+NODE_COUNTS = (50, 75, 100, 150, 200)
+"""Grids of the plain starts of shooting, and of the direct solutions that Pontryagin's conditions begin from."""
+SUCCESS = 5e-3
+"""How much slower than the road's fastest a certified flight may be, relatively, to count as found."""
+PROCESSES = 2
 
 
 def compare(name: str) -> dict[str, Any]:
-    """Return the row of one case, keyed by COLUMNS; a road that finds no certified flight leaves inf."""
+    """Return the row of one case, keyed by COLUMNS; a road that finds no certified flight leaves inf.
+
+    None stands where there is nothing to be said: not printed, or not within a road's reach.
+    """
     nodes = optimal.solve(name, method="flat", checks="nodes", throw=False)
     flat = optimal.solve(name, method="flat", throw=False)
     shooting = optimal.solve(name, throw=False)
@@ -61,15 +91,125 @@ def compare(name: str) -> dict[str, Any]:
         "flat_certified_s": flat.time,
         "flat_status": flat.status.value,
         "shooting_s": shooting.time,
+        "pontryagin_s": fastest(SCENARIOS[name]).time if in_free_space(name) else None,
         "reference_8_s": PONTRYAGIN.get(name),
         "lower_bound_s": shooting.certificate.lower_bound,
     }
 
 
-def table(progress: Callable[[], Any] = lambda: None) -> pd.DataFrame:
-    """Return all rows; `progress` is called after each."""
-    rows = []
-    for name in PRINTED:
-        rows.append(compare(name))
-        progress()
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+def in_free_space(name: str) -> bool:
+    """Return whether a case has neither hoops nor floor nor ceiling, as Pontryagin's conditions need it."""
+    scenario = SCENARIOS[name]
+    return not scenario.hoops and scenario.floor is None and scenario.ceiling is None
+
+
+@dataclass(frozen=True)
+class Run:
+    """One solve from one plain start: whether the solver `converged`, its `iterations`, the `flight` or None."""
+
+    converged: bool
+    iterations: int
+    flight: Flight | None
+
+
+def flat(scenario: Scenario, intervals: int, checks: str) -> Run:
+    """Solve eq. (10) from the slow start on the central path, section II-E."""
+    outer = paper_corridor(scenario)
+    found = plan(outer.paths, scenario.quadrotor, ends=outer.ends, checks=checks, intervals=intervals)
+    return Run(found.converged, found.iterations, found.trajectory)
+
+
+def shooting(scenario: Scenario, nodes: int) -> Run:
+    """Solve the shooting problem without a turn, from the straight line."""
+    found = shoot(scenario, nodes=nodes)
+    return Run(found.converged, found.iterations, found.trajectory if found.converged else None)
+
+
+def pontryagin(scenario: Scenario, nodes: int) -> Run:
+    """Solve Pontryagin's conditions with the arcs of the direct solution of `shooting`.
+
+    Its iterations are the evaluations of the conditions, after the direct solution's.
+    """
+    direct = shoot(scenario, nodes=nodes)
+    if not direct.converged:
+        return Run(False, direct.iterations, None)
+    found = refine(scenario, 0, *arcs_of(direct))
+    return Run(found.converged, direct.iterations + found.evaluations, found.trajectory)
+
+
+ROADS: dict[str, tuple[Callable[[Scenario, int], Run], int, tuple[int, ...]]] = {
+    "flat, nodes only": (partial(flat, checks="nodes"), INTERVALS, INTERVAL_COUNTS),
+    "flat, certified": (partial(flat, checks="certified"), INTERVALS, INTERVAL_COUNTS),
+    "shooting": (shooting, NODES, NODE_COUNTS),
+    "pontryagin": (pontryagin, NODES, NODE_COUNTS),
+}
+"""The roads by name: one solve from a plain start, the grid on which it is timed, the grids of the starts."""
+
+
+def ease(name: str, road: str) -> dict[str, Any]:
+    """Return how easily a road is travelled in one case, keyed by EASE_COLUMNS.
+
+    A start has `succeeded` if its flight is certified in continuous time, and within SUCCESS of the
+    road's fastest; what holds at nodes only never does.
+
+    Args:
+        name: a case of PRINTED.
+        road: a key of ROADS.
+    """
+    scenario, (solve, size, sizes) = SCENARIOS[name], ROADS[road]
+    cold, _ = timed(lambda: solve(scenario, size))
+    warm, run = timed(lambda: solve(scenario, size))
+    runs = [solve(scenario, grid) for grid in sizes]
+    times = [certified_time(scenario, each) for each in [run, *runs]]
+    best = min(times)
+    return {
+        "scenario": name,
+        "road": road,
+        "best_s": best,
+        "iterations": run.iterations,
+        "cold_s": cold,
+        "warm_s": warm,
+        "starts": len(sizes),
+        "converged": sum(each.converged for each in runs),
+        "succeeded": sum(duration < inf and duration <= best * (1 + SUCCESS) for duration in times[1:]),
+    }
+
+
+def certified_time(scenario: Scenario, run: Run) -> float:
+    """Return the flight time [s], or inf where the certificate does not hold."""
+    if run.flight is None or not optimal.certify(run.flight, scenario).holds():
+        return inf
+    return run.flight.duration
+
+
+def timed(solve: Callable[[], Run]) -> tuple[float, Run]:
+    """Return the wall time of a solve [s] and its result."""
+    begun = time.perf_counter()
+    run = solve()
+    return time.perf_counter() - begun, run
+
+
+def questions() -> list[tuple[str, str | None]]:
+    """Return the cases and their roads; None is the comparison of all roads."""
+    roads: list[tuple[str, str | None]] = [(name, None) for name in PRINTED]
+    return roads + [(name, road) for name in PRINTED for road in ROADS if road != "pontryagin" or in_free_space(name)]
+
+
+def answer(question: tuple[str, str | None]) -> dict[str, Any]:
+    """Return the row that answers one of the `questions`."""
+    name, road = question
+    return compare(name) if road is None else ease(name, road)
+
+
+def tables(progress: Callable[[], Any] = lambda: None) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the rows of `compare` and those of `ease`; `progress` is called after each of the `questions`.
+
+    Each is answered in a new process, so that cold is cold.
+    """
+    rows: tuple[list[dict[str, Any]], list[dict[str, Any]]] = ([], [])
+    asked = questions()
+    with multiprocessing.get_context("spawn").Pool(PROCESSES, maxtasksperchild=1) as pool:
+        for (_, road), row in zip(asked, pool.imap(answer, asked), strict=True):
+            rows[road is not None].append(row)
+            progress()
+    return pd.DataFrame(rows[0], columns=list(COLUMNS)), pd.DataFrame(rows[1], columns=list(EASE_COLUMNS))

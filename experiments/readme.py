@@ -9,15 +9,21 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
+from statistics import median
+from textwrap import fill
 from typing import Any
 
 from experiments.files import SCHEMA, write_text
+from experiments.paper import SUCCESS
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "experiments" / "results"
 PUBLISHED = RESULTS / "published"
 FILES = ("benchmark.json", "scores.csv", "paper.json")
+PAPER_FIGURES = ("figure-3", "figure-4", "figure-5")
+"""Those the README shows."""
 
 
 def published(name: str) -> Any:
@@ -31,7 +37,7 @@ def published(name: str) -> Any:
 
 def blocks() -> dict[str, str]:
     """Return the generated parts of the README by name."""
-    return {"scores": scores(published("benchmark.json")), "paper": judged(published("paper.json")["rows"])}
+    return {"scores": scores(published("benchmark.json")), "paper": judged(published("paper.json"))}
 
 
 def markdown(head: list[str], rows: list[list[str]]) -> str:
@@ -67,27 +73,56 @@ def scores(benchmark: dict[str, Any]) -> str:
     return markdown(head, rows) + "\n\n" + note
 
 
-def judged(rows: list[dict[str, Any]]) -> str:
-    """Return the paper's times beside what can be flown."""
+def judged(results: dict[str, Any]) -> str:
+    """Return the paper's times beside what can be flown, and how easily each road is travelled."""
 
-    def seconds(value: float | None, digits: int = 4) -> str:
-        return "-" if value is None else f"{value:.{digits}f}"
+    def number(form: str) -> Callable[[float | None], str]:
+        return lambda value: "-" if value is None else format(value, form)
 
-    table = [
-        [
-            row["scenario"],
-            "-" if row["printed_s"] is None else f"{row['printed_s']:g}",
-            seconds(row["nodes_only_s"]),
-            "-" if row["nodes_only_violation"] is None else f"{row['nodes_only_violation']:.0f}x",
-            seconds(row["flat_certified_s"]),
-            seconds(row["shooting_s"], 5),
-            "-" if row["reference_8_s"] is None else f"{row['reference_8_s']:g}",
-            seconds(row["lower_bound_s"]),
-        ]
-        for row in rows
-    ]
-    head = ["case", "printed", "nodes only", "its excess", "flat, certified", "T* (shooting)", "[8]", "bound"]
-    return markdown(head, table)
+    columns: dict[str, tuple[str, Callable[[Any], str]]] = {
+        "scenario": ("case", str),
+        "printed_s": ("printed", number("g")),
+        "nodes_only_s": ("nodes only", number(".4f")),
+        "nodes_only_violation": ("its excess", lambda value: "-" if value is None else f"{value:.0f}x"),
+        "flat_certified_s": ("flat, certified", number(".4f")),
+        "shooting_s": ("T* (shooting)", number(".5f")),
+        "pontryagin_s": ("Pontryagin", number(".5f")),
+        "reference_8_s": ("[8]", number("g")),
+        "lower_bound_s": ("bound", number(".4f")),
+    }
+    rows = results["rows"]
+    known = {key: column for key, column in columns.items() if key in rows[0]}
+    head = [title for title, _ in known.values()]
+    table = markdown(head, [[written(row[key]) for key, (_, written) in known.items()] for row in rows])
+    return table + "\n\n" + eased(results["ease"]) if "ease" in results else table
+
+
+def eased(rows: list[dict[str, Any]]) -> str:
+    """Return the roads' iterations and seconds, medians over the cases, and how many starts arrive."""
+    table = []
+    for road in dict.fromkeys(row["road"] for row in rows):
+        cases = [row for row in rows if row["road"] == road]
+        middle = {key: median(row[key] for row in cases) for key in ("iterations", "cold_s", "warm_s")}
+        starts = sum(row["starts"] for row in cases)
+        table.append(
+            [
+                road,
+                str(len(cases)),
+                f"{middle['iterations']:.0f}",
+                f"{middle['cold_s']:.2f}",
+                f"{middle['warm_s']:.3f}",
+                f"{sum(row['converged'] for row in cases)} of {starts}",
+                f"{sum(row['succeeded'] for row in cases)} of {starts}",
+            ]
+        )
+    head = ["road, from a plain start", "cases", "iterations", "cold [s]", "warm [s]", "converged", "found"]
+    words = (
+        "The paper argues that its problem is easily started. So for each road one solve from a plain start, without "
+        "any search: iterations and seconds, medians over the cases; cold has the program yet to be built. And such "
+        "starts on several grids: how many converge, and how many end in a flight that keeps all limits at all times "
+        f"and is within {SUCCESS:.1%} of the road's best."
+    )
+    return fill(words, 118) + "\n\n" + markdown(head, table)
 
 
 def filled(text: str) -> str:
@@ -101,16 +136,18 @@ def filled(text: str) -> str:
     return text
 
 
-def picture() -> None:
-    """Draw the README's picture as SVG; needs the extra `figures` and a Chromium."""
+def pictures() -> None:
+    """Draw the README's pictures as SVG; needs the extra `figures` and a Chromium."""
     import optimal
-    from experiments import figures
+    from experiments import figures, paper_figures
     from experiments.rl_vs_optimal import agent_track, optimal_track
 
     solution = optimal.solve("hoop")
     tracks = [optimal_track(solution), agent_track(published("benchmark.json"), solution.scenario)]
     chart = figures.paths(solution.scenario, tracks, "hoop: the optimum and an agent trained by PPO")
     write_text(PUBLISHED / "hoop-paths.svg", chart.to_image("svg", width=1000, height=540).decode())
+    for name in PAPER_FIGURES:
+        write_text(PUBLISHED / f"{name}.svg", paper_figures.FIGURES[name]().to_image("svg").decode())
 
 
 def main() -> None:
@@ -120,7 +157,7 @@ def main() -> None:
             write_text(PUBLISHED / name, (RESULTS / name).read_text(encoding="utf-8"))
     path = ROOT / "README.md"
     write_text(path, filled(path.read_text(encoding="utf-8")))
-    picture()
+    pictures()
 
 
 if __name__ == "__main__":

@@ -1,5 +1,8 @@
 """The optimum: certified flights from exact rest to exact rest, and the environment's fewest steps."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from flatgym.extras import require
 
 require("optimal", "casadi", "scipy")
@@ -7,14 +10,19 @@ require("optimal", "casadi", "scipy")
 from optimal.bounds import projection_bound as lower_bound
 from optimal.certificate import Certificate, certify
 from optimal.export import load, save
-from optimal.planning import plan
 from optimal.solution import Solution, SolveFailed, Status
 from optimal.solve import solve
 from optimal.steps import FewestSteps, fewest_steps
 from optimal.trajectory import Samples, Trajectory
 
+if TYPE_CHECKING:
+    from optimal.corridors import Corridor, corridor, paper_corridor
+    from optimal.following import follow
+    from optimal.planning import plan
+
 __all__ = [
     "Certificate",
+    "Corridor",
     "FewestSteps",
     "Samples",
     "Solution",
@@ -22,10 +30,28 @@ __all__ = [
     "Status",
     "Trajectory",
     "certify",
+    "corridor",
     "fewest_steps",
+    "follow",
     "load",
     "lower_bound",
+    "paper_corridor",
     "plan",
     "save",
     "solve",
 ]
+
+_LATER = {
+    "Corridor": "optimal.corridors",
+    "corridor": "optimal.corridors",
+    "paper_corridor": "optimal.corridors",
+    "follow": "optimal.following",
+    "plan": "optimal.planning",
+}
+"""Names of the flat road, imported when asked for: SciPy's splines take longer than all the rest together."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module 'optimal' has no attribute {name!r}")
+    return getattr(import_module(_LATER[name]), name)

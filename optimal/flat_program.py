@@ -1,250 +1,358 @@
 """Eq. (10) of the paper as a nonlinear program: its unknowns, its checks, its bounds.
 
-On N intervals the controls p''' and b'' are constant, so p is a cubic and b a quadratic spline.
-Their B-spline coefficients are the unknowns: continuity is then exact, and coefficients within
-[0, 1] keep p there everywhere, not at nodes only. Tilt theta and thrust f stand as variables at
-every check, tied to the path by
+The unknowns are the spline coefficients (`optimal.splines`) of k - 1 weights p_i (the last is what is
+missing to 1) and of the squared speed b, and at every check what the system lifts out of the jet
+(`optimal.systems`: tilt and thrust, for the planar quadrotor). With k = 1 the path is fixed, and this
+is eq. (8). The path is linear in the weights' coefficients,
 
-    x'' = f sin(theta),   z'' + g = f cos(theta),   rate = (x''' cos(theta) - z''' sin(theta)) / f,
+    y^(o)(s) = y_k^(o) + sum_i sum_j C(o, j) p_i^(j) (y_i - y_k)^(o - j),
 
-which is the flat input of section II-A with its misprint corrected, and makes every limit a box.
-It also makes the problem connected. Admissible thrust vectors fill a ring; between two checks the
-vector could cut through its hole, turning by half a turn in no time. So between certified checks
-the tilt may turn by no more than rate_max times the time that passes, which every flight obeys.
-
-Building a program costs more than solving it, so there is one for each number of intervals, and
-everything else is a parameter: the grid (through its basis), the outer paths, the vehicle. The
-programs are shared within a process and not safe to run from several threads; use processes.
+so that grid, outer paths and end points enter as numbers, and one program of each number of
+intervals serves them all. Building it costs more than solving it. Programs are shared within a
+process and not safe to run from several threads; use processes.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 
-from flatgym.quadrotor import Array, Quadrotor
-from optimal.paths import OuterPaths
+from flatgym.quadrotor import Array
+from optimal.paths import Path
+from optimal.splines import SplineSpace
+from optimal.systems import FlatSystem, along_path
 
-SLOWEST = 1e-4
+SLOWEST = 1e-3
 """The least b allowed [1/s^2]."""
+CHECKS = 5
+"""Checks per interval, both ends included; with fewer, flights are found that break limits between them."""
+QUADRATURE = np.polynomial.legendre.leggauss(3)
 SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
-"""Outcomes of Ipopt that will do: what is called solved is measured afterwards."""
+USABLE = (*SUCCESS, "Maximum_Iterations_Exceeded", "Search_Direction_Becomes_Too_Small")
+"""Outcomes of Ipopt worth going on with: what is called solved is measured afterwards."""
 IPOPT = {
     "print_level": 0,
     "sb": "yes",
-    "max_iter": 400,
-    "tol": 1e-8,
-    "acceptable_constr_viol_tol": 1e-6,
-    "mu_strategy": "adaptive",
+    "max_iter": 200,
+    "tol": 1e-6,
+    # A small barrier from the beginning: the slow start is well inside, and a solution is kept nearly as it is.
+    "mu_init": 4e-5,
+    "warm_start_init_point": "yes",
+    **{f"warm_start_{name}": 1e-5 for name in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")},
+    "warm_start_mult_bound_push": 1e-5,
 }
-OPTIONS: dict[str, Any] = {"print_time": False, "ipopt": IPOPT, "calc_lam_p": False, "no_nlp_grad": True}
-
-
-@dataclass(frozen=True, eq=False)
-class Checks:
-    """Where limits are checked: states at `s`, in `interval`; rates at check `point` of interval `owner`.
-
-    Third derivatives jump at nodes, so a node between two certified intervals has two rates.
-    """
-
-    nodes: Array
-    s: Array
-    interval: NDArray[np.intp]
-    point: NDArray[np.intp]
-    owner: NDArray[np.intp]
-
-
-@dataclass(frozen=True, eq=False)
-class Iterate:
-    """A point of the program on its grid: coefficients of p and b, tilt and thrust at the checks."""
-
-    checks: Checks
-    weight: Array
-    squared_speed: Array
-    tilt: Array
-    thrust: Array
-    outcome: str = "not solved yet"
-    iterations: int = 0
+OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "ipopt": IPOPT,
+    "calc_lam_p": False,
+    "no_nlp_grad": True,
+    "expand": True,
+}
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is to be solved, on whatever grid."""
+    """What is to be solved, on whatever grid.
 
-    outer_paths: OuterPaths
-    quadrotor: Quadrotor
-    ends: tuple[float, float]
+    Attributes:
+        system: what moves.
+        outer_paths: k >= 1 paths.
+        ends: weights of all of them at s = 0 and s = 1, shape (2, k).
+        certified: whether limits hold at the checks of every interval, or at nodes only.
+        level: how many derivatives of the weights vanish at both ends.
+    """
+
+    system: FlatSystem
+    outer_paths: tuple[Path, ...]
+    ends: Array
     certified: bool
+    level: int
 
 
-def place_checks(nodes: Array, certified: bool) -> Checks:
-    """Place three checks per interval, at both ends and the middle; uncertified, one at every node."""
-    count = len(nodes) - 1
-    per = 2 if certified else 1
-    index = np.arange(per * count + 1)
-    interval = np.minimum(index // per, count - 1)
-    s = np.interp(index / per, np.arange(count + 1), nodes)
-    if not certified:
-        return Checks(nodes, s, interval, index, interval)
-    owner = np.repeat(np.arange(count), 3)
-    return Checks(nodes, s, interval, 2 * owner + np.tile([0, 1, 2], count), owner)
+@dataclass(frozen=True)
+class Reach:
+    """How far the unknowns of a program may move from its start.
+
+    A program started from a solution has others around, some of which turn over between two checks;
+    a finer grid or a tightened limit must not drive it there.
+
+    Attributes:
+        weights: the weights' coefficients.
+        speed: the squared speed's, relatively.
+        attitude: lifted unknowns without limits of their own [rad].
+    """
+
+    weights: float
+    speed: float
+    attitude: float
+
+    def times(self, factor: float) -> Reach:
+        """Return the reach, scaled."""
+        return Reach(self.weights * factor, self.speed * factor, self.attitude * factor)
 
 
-def knots(nodes: Array, degree: int) -> Array:
-    """Return the knots of a spline of that degree with all but its highest derivative continuous."""
-    return np.concatenate([[nodes[0]] * degree, nodes, [nodes[-1]] * degree])
+FREE, PATH_HELD = Reach(math.inf, math.inf, math.inf), Reach(0.0, math.inf, math.inf)
+NEAR, CLOSE = Reach(0.1, 0.5, 0.5), Reach(0.02, 0.1, 0.1)
 
 
-def _local_basis(nodes: Array, degree: int, interval: NDArray[np.intp], s: Array, order: int) -> Array:
-    """Return derivatives of the degree + 1 B-splines that live on each interval, shape (len(s), degree + 1)."""
-    splines = BSpline(knots(nodes, degree), np.eye(len(nodes) + degree - 1), degree)
-    return np.asarray(splines(s, nu=order)[np.arange(len(s))[:, None], interval[:, None] + np.arange(degree + 1)])
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """A point of the program on its grid.
+
+    Attributes:
+        nodes: of the grid, shape (N + 1,).
+        weights: coefficients of the first k - 1 weights, shape (size, k - 1).
+        squared_speed: coefficients of b [1/s^2].
+        lifted: the lifted unknowns at the checks, each shared by neighbours, shape (checks, lifted).
+        multipliers: of the unknowns' bounds and of the constraints, as Ipopt gave them; None at first.
+        outcome: how Ipopt ended.
+        iterations: of Ipopt, over all programs that led here.
+    """
+
+    nodes: Array
+    weights: Array
+    squared_speed: Array
+    lifted: Array
+    multipliers: tuple[Any, Any] | None = None
+    outcome: str = "not solved yet"
+    iterations: int = 0
 
 
-def _data(problem: Problem, checks: Checks) -> list[Array]:
-    """Return what the program of one shape needs to know of grid, paths and vehicle, in this order."""
-    nodes, s, interval = checks.nodes, checks.s, checks.interval
-    every, middle = np.arange(len(nodes) - 1), (nodes[1:] + nodes[:-1]) / 2
-    first, second = problem.outer_paths
-    below = [second(s, k) for k in range(4)]
-    apart = [first(s, k) - second(s, k) for k in range(4)]
-    return [
-        *(_local_basis(nodes, 3, interval, s, k) for k in range(3)),
-        _local_basis(nodes, 3, every, middle, 3),
-        *(_local_basis(nodes, 2, interval, s, k) for k in range(2)),
-        _local_basis(nodes, 2, every, middle, 2),
-        np.concatenate(below, axis=1),
-        np.concatenate(apart, axis=1),
-        np.diff(s)[:, None],
-        np.array([[problem.quadrotor.gravity, problem.quadrotor.rate_max]]),
-    ]
+def spaces(system: FlatSystem, nodes: Array, certified: bool) -> tuple[SplineSpace, SplineSpace]:
+    """Return the splines of the weights and of the squared speed."""
+    more = int(certified)
+    return SplineSpace(nodes, system.order + more, 1 + more), SplineSpace(nodes, system.order - 1 + more, 1 + more)
 
 
-def _spline(basis: Any, coefficients: Any, interval: NDArray[np.intp]) -> Any:
-    return sum(basis[:, j] * coefficients[(interval + j).tolist()] for j in range(basis.shape[1]))
+def local_sizes(system: FlatSystem, certified: bool) -> tuple[int, int]:
+    """Return how many coefficients of one weight and of b matter on an interval."""
+    weights, speed = spaces(system, np.array([0.0, 1.0]), certified)
+    return weights.degree + 1, speed.degree + 1
 
 
-def _motion(checks: Checks, data: list[Any], weight: Any, squared_speed: Any) -> tuple[Any, Any, Any]:
-    """Return accelerations at the checks, jerks where rates are checked, and the times between checks."""
-    every = np.arange(len(checks.nodes) - 1)
-    at, own, gap = checks.point.tolist(), checks.owner.tolist(), checks.interval[:-1].tolist()
-    p = [_spline(data[k], weight, checks.interval) for k in range(3)]
-    p3 = _spline(data[3], weight, every)[own]
-    b, b1 = (_spline(data[4 + k], squared_speed, checks.interval) for k in range(2))
-    b2 = _spline(data[6], squared_speed, every)
-    below, apart, widths = data[7:10]
-
-    def path(order: int, axis: int) -> Any:
-        terms = (math.comb(order, k) * p[k] * apart[:, 2 * (order - k) + axis] for k in range(min(order, 2) + 1))
-        return sum(terms, below[:, 2 * order + axis])
-
-    # Eq. (9) and its derivative; p''' only enters the jerk, on the side of its interval.
-    acceleration = [path(2, i) * b + path(1, i) * b1 / 2 for i in (0, 1)]
-    jerk = [
-        ca.sqrt(b[at])
-        * (
-            (path(3, i)[at] + p3 * apart[at, i]) * b[at]
-            + 1.5 * path(2, i)[at] * b1[at]
-            + 0.5 * path(1, i)[at] * b2[own]
-        )
-        for i in (0, 1)
-    ]
-    speeds = ca.sqrt(b[:-1]) + ca.sqrt(b[1:])
-    square = b2[gap] / 2 * (widths / speeds) ** 2
-    # Eq. (7), in closed form because b is quadratic between checks.
-    return acceleration, jerk, 2 * widths / speeds * _artanhc(square)
+def checks_per_interval(certified: bool) -> int:
+    """Return the number of checks of an interval, both ends included."""
+    return CHECKS if certified else 2
 
 
-def _artanhc(square: Any) -> Any:
-    """Return artanh(r)/r, r^2 = square < 1, by Gauss' continued fraction: smooth at 0, and never negative."""
-    value: Any = 11.0
-    for k in (5, 4, 3, 2, 1):
-        value = 2 * k - 1 - k**2 * square / value
-    return 1 / value
+def check_points(nodes: Array, certified: bool) -> Array:
+    """Return the coordinates of the checks of each interval, shape (N, checks)."""
+    share = np.linspace(0.0, 1.0, checks_per_interval(certified))
+    return nodes[:-1, None] + np.diff(nodes)[:, None] * share
+
+
+def shared_points(nodes: Array, certified: bool) -> Array:
+    """Return the coordinates of all checks, those that neighbours share once, increasing."""
+    return np.append(check_points(nodes, certified)[:, :-1].ravel(), nodes[-1])
 
 
 @lru_cache(maxsize=16)
-def _program(intervals: int, certified: bool) -> Any:
-    """Build eq. (10) for one number of intervals; grid, paths and vehicle are its parameters."""
-    checks = place_checks(np.linspace(0.0, 1.0, intervals + 1), certified)
-    count = len(checks.s)
-    sizes = (intervals + 3, intervals + 2, count, count)
-    weight, squared_speed, tilt, thrust = unknowns = [ca.SX.sym(f"x{i}", n) for i, n in enumerate(sizes)]
-    shapes = [(count, 4)] * 3 + [(intervals, 4)] + [(count, 3)] * 2 + [(intervals, 3)]
-    shapes += [(count, 8)] * 2 + [(count - 1, 1), (1, 2)]
-    data = [ca.SX.sym(f"d{i}", *shape) for i, shape in enumerate(shapes)]
-    gravity, rate_max = data[-1][0], data[-1][1]
-    acceleration, jerk, elapsed = _motion(checks, data, weight, squared_speed)
-    sin, cos, at = ca.sin(tilt), ca.cos(tilt), checks.point.tolist()
-    turned = tilt[1:] - tilt[:-1]
-    constraints = [
-        (acceleration[0] - thrust * sin) / 10,
-        (acceleration[1] + gravity - thrust * cos) / 10,
-        (jerk[0] * cos[at] - jerk[1] * sin[at]) / thrust[at] / 10,
-    ]
+def _check(system: FlatSystem, paths: int, certified: bool) -> tuple[Any, Any, Any]:
+    """Return functions of one check: ties, limited quantities, and turning times between two."""
+    order, outputs, lift = system.order, len(system.outputs), system.lift()
+    weight_size, speed_size = local_sizes(system, certified)
+    coefficients = ca.SX.sym("c", (paths - 1) * weight_size)
+    speeds = ca.SX.sym("d", speed_size)
+    lifted, after = ca.SX.sym("l", len(lift.names)), ca.SX.sym("m", len(lift.names))
+    offset = ca.SX.sym("y", outputs, order + 1)
+    linear = ca.SX.sym("M", outputs * (order + 1), (paths - 1) * weight_size)
+    speed_basis = ca.SX.sym("B", order, speed_size)
+    path = ca.reshape(linear @ coefficients, outputs, order + 1) + offset
+    b = speed_basis @ speeds
+    jet = along_path(ca.horzsplit(path), ca.vertsplit(b))
+    inputs = [coefficients, speeds, lifted, linear, offset, speed_basis]
+    return (
+        ca.Function("ties", inputs, [lift.ties(jet[:-1], lifted)]),
+        ca.Function("limited", inputs, [lift.limited(jet, lifted)]),
+        ca.Function("turning", [lifted, after, speeds, speed_basis], [lift.turning_time(lifted, after), b[0]]),
+    )
+
+
+@lru_cache(maxsize=32)
+def _program(system: FlatSystem, paths: int, intervals: int, certified: bool) -> Any:
+    """Build eq. (10) for one system, number of paths and number of intervals; all else are parameters."""
+    grid = np.linspace(0.0, 1.0, intervals + 1)
+    weight_space, speed_space = spaces(system, grid, certified)
+    lift, per, order, outputs = system.lift(), checks_per_interval(certified), system.order, len(system.outputs)
+    weight_size, speed_size = local_sizes(system, certified)
+    free, count = (paths - 1) * weight_size, per * intervals
+    shared = intervals * (per - 1) + 1
+    weights = ca.MX.sym("weights", paths - 1, weight_space.size)
+    speeds = ca.MX.sym("b", speed_space.size)
+    lifted = ca.MX.sym("lifted", len(lift.names), shared)
+    linear = ca.MX.sym("linear", outputs * (order + 1), free * count)
+    offset = ca.MX.sym("offset", outputs, (order + 1) * count)
+    basis = ca.MX.sym("basis", order, speed_size * count)
+    times = ca.MX.sym("times", intervals, len(QUADRATURE[0]) * speed_size)
+    widths = ca.MX.sym("widths", intervals)
+
+    owner = np.repeat(np.arange(intervals), per)
+    of_check = (owner * (per - 1) + np.tile(np.arange(per), intervals)).tolist()
+    local_weights = ca.reshape(weights[:, weight_space.local(owner).ravel().tolist()], free, count)
+    local_speeds = ca.reshape(speeds[speed_space.local(owner).ravel().tolist()], speed_size, count)
+    ties, limited, turning = _check(system, paths, certified)
+    arguments = [local_weights, local_speeds, lifted[:, of_check], linear, offset, basis]
+    constraints = [ca.sum1(weights).T] if paths > 2 else []
+    # A tie at a node is the same from both sides and stands once.
+    once = [i for i in range(count) if i % per < per - 1 or i == count - 1]
+    shared_arguments = [_columns(part, once, count) for part in arguments]
+    constraints.append(ca.vec(ties.map(len(once))(*shared_arguments)))
+    # As published, a node is checked with the control of the interval that begins there, and no other.
+    checked, times_checked = (arguments, count) if certified else (shared_arguments, len(once))
+    constraints.append(ca.vec(limited.map(times_checked)(*checked)))
+    slowness = _slowness(speeds, speed_space, times, intervals)
     if certified:
-        constraints += [turned / rate_max - elapsed, -turned / rate_max - elapsed]
-    program: dict[str, Any] = {
-        "x": ca.vertcat(*unknowns),
-        "p": ca.vertcat(*(ca.vec(d) for d in data)),
-        "f": ca.sum1(elapsed),
+        constraints.append(_turning(turning, lifted, local_speeds, basis, widths, intervals, per))
+    problem = {
+        "x": ca.vertcat(ca.vec(weights), speeds, ca.vec(lifted)),
+        "p": ca.vertcat(*(ca.vec(part) for part in (linear, offset, basis, times, widths))),
+        "f": ca.dot(widths, slowness),
         "g": ca.vertcat(*constraints),
     }
-    solver: Any = ca.nlpsol("eq10", "ipopt", program, OPTIONS)
-    return solver
+    return ca.nlpsol("eq10", "ipopt", problem, OPTIONS)
 
 
-def _bounds(problem: Problem, checks: Checks, margins: Array) -> dict[str, Array]:
-    """Return the bounds of the program; margins narrow each interval's limits, shape (3, N)."""
-    vehicle, count, intervals = problem.quadrotor, len(checks.s), len(checks.nodes) - 1
-    low, high = np.zeros(intervals + 3), np.ones(intervals + 3)
-    # Two equal coefficients at an end fix p and p' = 0 there, the rest of section II-E.
-    low[:2] = high[:2] = problem.ends[0]
-    low[-2:] = high[-2:] = problem.ends[1]
-    upright = np.where(np.isin(np.arange(count), (0, count - 1)), 0.0, np.inf)
-    # A check at a node belongs to both its intervals and takes the wider margin.
-    above, below = np.zeros(count), np.zeros(count)
-    np.maximum.at(above, checks.point, margins[0, checks.owner])
-    np.maximum.at(below, checks.point, margins[1, checks.owner])
-    rate = (vehicle.rate_max - margins[2, checks.owner]) / 10
-    turns = np.zeros(2 * (count - 1) if problem.certified else 0)
-    tied = np.zeros(2 * count)
+def _columns(matrix: Any, chosen: list[int], count: int) -> Any:
+    """Return the chosen of `count` equal blocks of columns."""
+    width = matrix.shape[1] // count
+    return matrix[:, [width * i + j for i in chosen for j in range(width)]]
+
+
+def _slowness(speeds: Any, space: SplineSpace, times: Any, intervals: int) -> Any:
+    """Return the mean of 1/sqrt(b) over each interval, by Gauss-Legendre quadrature."""
+    local = ca.reshape(speeds[space.local(np.arange(intervals)).ravel().tolist()], space.degree + 1, intervals).T
+    weights, width = QUADRATURE[1] / 2, space.degree + 1
+    parts = [ca.sum2(times[:, width * i : width * (i + 1)] * local) for i in range(len(weights))]
+    return sum(w / ca.sqrt(b) for w, b in zip(weights, parts, strict=True))
+
+
+def _turning(turning: Any, lifted: Any, speeds: Any, basis: Any, widths: Any, intervals: int, per: int) -> Any:
+    """Return least times between neighbouring checks minus the times that pass."""
+    count, begin = per * intervals, [i for i in range(per * intervals) if i % per < per - 1]
+    end = [i + 1 for i in begin]
+    every = lifted.shape[1]
+    least, b = turning.map(len(begin))(
+        lifted[:, : every - 1], lifted[:, 1:], _columns(speeds, begin, count), _columns(basis, begin, count)
+    )
+    _, after = turning.map(len(end))(
+        lifted[:, : every - 1], lifted[:, 1:], _columns(speeds, end, count), _columns(basis, end, count)
+    )
+    gap = ca.reshape(ca.repmat(widths.T / (per - 1), per - 1, 1), 1, len(begin))
+    passed = 2 * gap / (ca.sqrt(b) + ca.sqrt(after))
+    return ca.vec(least - ca.repmat(passed, least.shape[0], 1))
+
+
+@lru_cache(maxsize=4)
+def _parameters(problem: Problem, grid: tuple[float, ...]) -> Array:
+    """Return what the program needs to know of grid and paths, in its order."""
+    system, nodes = problem.system, np.array(grid)
+    weight_space, speed_space = spaces(system, nodes, problem.certified)
+    points = check_points(nodes, problem.certified)
+    s, owner = points.ravel(), np.repeat(np.arange(len(nodes) - 1), points.shape[1])
+    orders = range(system.order + 1)
+    last = [problem.outer_paths[-1](s, o) for o in orders]
+    apart = [[path(s, o) - last[o] for o in orders] for path in problem.outer_paths[:-1]]
+    bases = [weight_space.basis(owner, s, j) for j in orders]
+    # linear[check, order, output, coefficient, path] of the sum in the module's docstring.
+    linear = np.zeros((len(s), len(orders), len(system.outputs), weight_space.degree + 1, len(apart)))
+    for i, difference in enumerate(apart):
+        for o in orders:
+            for j in range(o + 1):
+                linear[:, o, :, :, i] += math.comb(o, j) * difference[o - j][:, :, None] * bases[j][:, None, :]
+    offset = np.stack(last, axis=1)
+    basis = np.stack([speed_space.basis(owner, s, k) for k in range(system.order)], axis=1)
+    gauss = nodes[:-1, None] + np.diff(nodes)[:, None] * (QUADRATURE[0] + 1) / 2
+    every = np.arange(len(nodes) - 1)
+    times = np.concatenate([speed_space.basis(every, gauss[:, i], 0) for i in range(gauss.shape[1])], axis=1)
+    return np.concatenate(
+        [
+            linear.reshape(len(s), len(orders) * len(system.outputs), -1).transpose(0, 2, 1).ravel(),
+            offset.ravel(),
+            basis.transpose(0, 2, 1).ravel(),
+            times.ravel(order="F"),
+            np.diff(nodes),
+        ]
+    )
+
+
+def _bounds(problem: Problem, nodes: Array, margins: Array) -> dict[str, Any]:
+    """Return the bounds of the program; margins narrow each interval's limits, shape (2, limits, N)."""
+    system, lift, paths = problem.system, problem.system.lift(), len(problem.outer_paths)
+    weight_space, speed_space = spaces(system, nodes, problem.certified)
+    points = check_points(nodes, problem.certified)
+    shared, fixed = len(shared_points(nodes, problem.certified)), problem.level + 1
+    low, high = np.zeros((weight_space.size, paths - 1)), np.ones((weight_space.size, paths - 1))
+    # Equal coefficients at an end fix p there, and that many of its derivatives at zero.
+    low[:fixed] = high[:fixed] = problem.ends[0, :-1]
+    low[-fixed:] = high[-fixed:] = problem.ends[1, :-1]
+    lifted_low, lifted_high = np.tile(lift.low, (shared, 1)), np.tile(lift.high, (shared, 1))
+    rest = ~np.isnan(np.array(lift.rest, dtype=np.float64))
+    for side in (0, -1):
+        lifted_low[side, rest] = lifted_high[side, rest] = np.array(lift.rest)[rest]
+    _, _, least, greatest = system.bounds
+    per_check = np.repeat(margins.transpose(2, 0, 1), points.shape[1], axis=0)
+    if not problem.certified:
+        per_check = np.zeros((shared, *margins.shape[:2]))
+    sums = [weight_space.size] if paths > 2 else []
+    ties = np.zeros(shared * _check(system, paths, problem.certified)[0].size1_out(0))
+    turns = np.zeros((shared - 1) * _check(system, paths, True)[2].size1_out(0) if problem.certified else 0)
     return {
-        "lbx": np.concatenate([low, np.full(intervals + 2, SLOWEST), -upright, vehicle.thrust_min + below]),
-        "ubx": np.concatenate([high, np.full(intervals + 2, np.inf), upright, vehicle.thrust_max - above]),
-        "lbg": np.concatenate([tied, -rate, turns - np.inf]),
-        "ubg": np.concatenate([tied, rate, turns]),
+        "lbx": np.concatenate([low.ravel(), np.full(speed_space.size, SLOWEST), lifted_low.ravel()]),
+        "ubx": np.concatenate([high.ravel(), np.full(speed_space.size, np.inf), lifted_high.ravel()]),
+        "lbg": np.concatenate([np.zeros(sum(sums)), ties, (least + per_check[:, 1]).ravel(), turns - np.inf]),
+        "ubg": np.concatenate([np.ones(sum(sums)), ties, (greatest - per_check[:, 0]).ravel(), turns]),
     }
 
 
-def solve_program(problem: Problem, start: Iterate, margins: Array | None = None) -> Iterate:
+def _keep_near(bounds: dict[str, Any], guess: Array, problem: Problem, start: Iterate, reach: Reach) -> None:
+    """Narrow the bounds of the unknowns to `reach` around the start, in place; pinned ones stay pinned."""
+    lift = problem.system.lift()
+    free = np.isinf(np.array(lift.low)) & np.isinf(np.array(lift.high))
+    lifted = np.broadcast_to(np.where(free, reach.attitude, np.inf), start.lifted.shape)
+    speeds = start.squared_speed * reach.speed
+    distance = np.concatenate([np.full(start.weights.size, reach.weights), speeds, lifted.ravel()])
+    low, high = bounds["lbx"], bounds["ubx"]
+    bounds["lbx"] = np.clip(guess - distance, low, high)
+    bounds["ubx"] = np.clip(guess + distance, low, high)
+
+
+def solve_program(problem: Problem, start: Iterate, margins: Array | None = None, reach: Reach = FREE) -> Iterate:
     """Return what Ipopt makes of a start, on the start's grid.
 
     Args:
         problem: what is to be solved.
         start: where to begin.
-        margins: what to take off thrust_max, thrust_min [m/s^2] and rate_max [rad/s] on every
-            interval, shape (3, N); by default nothing.
+        margins: what to take off the greatest and add to the least values of each limit on every
+            interval, relative to its scale, shape (2, limits, N); by default nothing.
+        reach: how far from the start to look.
 
     Returns:
         The point where Ipopt stopped, with its outcome, which need not be in SUCCESS.
     """
-    checks, intervals = start.checks, len(start.checks.nodes) - 1
-    margins = np.zeros((3, intervals)) if margins is None else margins
-    solver = _program(intervals, problem.certified)
-    parameters = np.concatenate([d.ravel(order="F") for d in _data(problem, checks)])
-    guess = np.concatenate([start.weight, start.squared_speed, start.tilt, start.thrust])
-    found = np.asarray(solver(x0=guess, p=parameters, **_bounds(problem, checks, margins))["x"]).ravel()
+    nodes, paths = start.nodes, len(problem.outer_paths)
+    if margins is None:
+        margins = np.zeros((2, len(problem.system.bounds[0]), len(nodes) - 1))
+    solver = _program(problem.system, paths, len(nodes) - 1, problem.certified)
+    guess = np.concatenate([start.weights.ravel(), start.squared_speed, start.lifted.ravel()])
+    bounds = _bounds(problem, nodes, margins)
+    _keep_near(bounds, guess, problem, start, reach)
+    if start.multipliers is not None:
+        bounds |= zip(("lam_x0", "lam_g0"), start.multipliers, strict=True)
+    found = solver(x0=guess, p=_parameters(problem, tuple(nodes.tolist())), **bounds)
+    parts = np.split(np.array(found["x"]).ravel(), np.cumsum([start.weights.size, start.squared_speed.size]))
     stats = solver.stats()
-    iterations = start.iterations + int(stats["iter_count"])
-    weight, squared_speed, tilt, thrust = np.split(found, np.cumsum([intervals + 3, intervals + 2, len(checks.s)]))
     # Ipopt relaxes bounds by 1e-8; the corridor is kept exactly.
-    weight, outcome = np.clip(weight, 0, 1), str(stats["return_status"])
-    return Iterate(checks, weight, squared_speed, tilt, thrust, outcome, iterations)
+    return replace(
+        start,
+        weights=np.clip(parts[0].reshape(start.weights.shape), 0, 1),
+        squared_speed=parts[1],
+        lifted=parts[2].reshape(start.lifted.shape),
+        multipliers=(found["lam_x"], found["lam_g"]),
+        outcome=str(stats["return_status"]),
+        iterations=start.iterations + int(stats["iter_count"]),
+    )

@@ -1,254 +1,256 @@
-"""The flight in time that weights p(s) and squared path speed b(s) describe, paper eqs. (6) and (9).
+"""The motion in time that weights p_i(s) and squared path speed b(s) describe, paper eqs. (6), (7), (9).
 
-The path is y(s) = p(s) y_1(s) + (1 - p(s)) y_2(s), and it is travelled with s' = sqrt(b(s)):
+The path y(s) = sum p_i(s) y_i(s), sum p_i = 1, is travelled with ds/dt = sqrt(b(s)). The flat output
+and its time derivatives follow, and states and inputs from those (`optimal.systems`). The paper
+misprints eq. (6) as s^2 = b and ds/dt = b'/2, and the time element as ds/sqrt(s); it is
 
-    ds/dt = sqrt(b),   d2s/dt2 = b'/2,   d3s/dt3 = b'' sqrt(b) / 2,                          (6)
-    velocity     = y' sqrt(b)
-    acceleration = y'' b + y' b'/2                                                           (9)
-    jerk         = (y''' b + 3/2 y'' b' + 1/2 y' b'') sqrt(b).
+    dt = ds / sqrt(b),    d2s/dt2 = b'/2.
 
-(Primes are derivatives with respect to s. The paper misprints eq. (6) as s^2 = b and ds/dt = b'/2,
-and the time element as ds/sqrt(s); it is dt = ds/sqrt(b).) Thrust, tilt and rate follow from
-
-    f = |a + g e_z|,   tan(theta) = x''/(z'' + g),
-    omega = (x''' (z'' + g) - x'' z''') / ((z'' + g)^2 + x''^2),
-
-time derivatives here; the paper misprints the numerator as x'' (z'' + g) - x'' z''.
-
-On every interval p is cubic and b quadratic, b = b0 + b1 u + b2 u^2. There eq. (6) says
-d2u/dt2 = b1/2 + b2 u, a linear equation, so that time and path coordinate are exact functions of
-each other: u = sqrt(b0) S + (b1/2) C with S = sinh(k t)/k, C = (cosh(k t) - 1)/k^2, k^2 = b2, and
-tanh(k t/2)/k = u / (sqrt(b0) + sqrt(b)); for b2 < 0 the same with trigonometric functions.
+On every interval b is a polynomial, positive, and time is an integral by Gauss-Legendre quadrature
+on panels of an interval; the way back from time to path coordinate is Newton's method, to the last digit.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import comb
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+from scipy.interpolate import BSpline
 
 from flatgym.quadrotor import Array, Quadrotor
-from optimal.paths import OuterPaths
+from optimal.paths import Path
+from optimal.systems import FlatSystem, PlanarQuadrotor, along_path
 from optimal.trajectory import Samples, sample
 
-TILT_SAMPLES = 32
-"""Points per interval along which the tilt is followed, so that it is known beyond one turn."""
-
-
-def _sinhc(square: Array) -> Array:
-    """Return sinh(r)/r with r^2 = square, which is sin(|r|)/|r| where square < 0."""
-    root = np.sqrt(np.abs(square))
-    safe = np.where(root > 0, root, 1.0)
-    hyperbolic = np.where(root > 0, np.sinh(np.where(square > 0, root, 0.0)) / safe, 1.0)
-    return np.where(square > 0, hyperbolic, np.sinc(root / np.pi))
-
-
-def _artanhc(square: Array) -> Array:
-    """Return artanh(r)/r with r^2 = square, which is arctan(|r|)/|r| where square < 0."""
-    root = np.sqrt(np.abs(square))
-    safe = np.where(root > 0, root, 1.0)
-    inverse = np.where(square > 0, np.arctanh(np.where(square > 0, root, 0.0)), np.arctan(root))
-    return np.where(root > 0, inverse / safe, 1.0)
-
-
-def _polynomial(coefficients: Array, u: Array, order: int) -> Array:
-    """Evaluate derivatives of polynomials, coefficients constant first, shape (degree + 1, ...)."""
-    value = np.zeros_like(u)
-    for power in range(len(coefficients) - 1, order - 1, -1):
-        factor = float(np.prod(np.arange(power - order + 1, power + 1)))
-        value = value * u + factor * coefficients[power]
-    return value
+PANELS, QUADRATURE = 16, np.polynomial.legendre.leggauss(16)
+NEWTON_STEPS = 20
+HASTE = 1.02
+"""By what factor a slow motion is hastened at a time."""
+SAMPLES, CLOSER = 32, 8
+"""Points per interval at which limits are looked at and angles followed, and around the largest excess again."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlatTrajectory:
-    """A flight between outer paths, in time; exact from start to end.
+    """A motion of a flat system along a path; exact from start to end.
 
-    At a breakpoint, where jerk and rate may jump, values are those of the interval that begins there.
+    At a breakpoint, where the highest derivatives may jump, values are those of the interval that
+    begins there.
 
     Attributes:
-        nodes: path coordinates where the polynomials meet, from 0 to 1, shape (N + 1,).
-        weight: coefficients of p on every interval in powers of s - node, constant first, shape (4, N).
-        squared_speed: coefficients of b likewise [1/s^2], shape (3, N).
-        outer_paths: the two paths; p is the weight of the first.
-        quadrotor: the vehicle.
+        system: what moves.
+        outer_paths: the k paths y_i(s), s from 0 to 1; one alone is followed.
+        nodes: path coordinates between which everything is smooth, from 0 to 1, shape (N + 1,).
+        weights: the first k - 1 weights p_i(s), a spline of shape (..., k - 1).
+        squared_speed: b(s) [1/s^2], a spline.
     """
 
+    system: FlatSystem
+    outer_paths: tuple[Path, ...]
     nodes: Array
-    weight: Array
-    squared_speed: Array
-    outer_paths: OuterPaths
-    quadrotor: Quadrotor
+    weights: BSpline
+    squared_speed: BSpline
+
+    @property
+    def quadrotor(self) -> Quadrotor:
+        """The planar quadrotor flown; an AttributeError where something else moves."""
+        if not isinstance(self.system, PlanarQuadrotor):
+            raise AttributeError(f"this is the motion of a {type(self.system).__name__}, see `system`")
+        return self.system.quadrotor
 
     @property
     def duration(self) -> float:
-        """The flight time T of eq. (7) [s]."""
+        """The time T of eq. (7) [s]."""
         return float(self.breakpoints[-1])
 
-    @cached_property
+    @property
     def breakpoints(self) -> Array:
         """The times of the nodes [s], from 0 to duration, shape (N + 1,)."""
-        widths: Array = np.diff(self.nodes)
-        return np.concatenate([[0.0], np.cumsum(self._elapsed(np.arange(len(widths)), widths))])
+        return self._panels[1][::PANELS]
 
-    def _elapsed(self, interval: NDArray[np.intp], u: Array) -> Array:
-        """Return the integral of ds/sqrt(b), eq. (7), from the interval's beginning to u."""
-        b = self.squared_speed[:, interval]
-        speeds = np.sqrt(b[0]) + np.sqrt(_polynomial(b, u, 0))
-        elapsed: Array = 2 * u / speeds * _artanhc(b[2] * (u / speeds) ** 2)
-        return elapsed
+    @cached_property
+    def _panels(self) -> tuple[Array, Array]:
+        """Coordinates and times at the ends of the panels, each of shape (N PANELS + 1,)."""
+        share = np.arange(PANELS) / PANELS
+        s = np.append((self.nodes[:-1, None] + np.diff(self.nodes)[:, None] * share).ravel(), self.nodes[-1])
+        return s, np.append(0.0, np.cumsum(self._elapsed(s[:-1], s[1:])))
 
-    def _locate(self, t: ArrayLike) -> tuple[NDArray[np.intp], Array]:
-        """Return the interval and the offset s - node at times t, inverting `_elapsed` exactly."""
+    def _elapsed(self, begin: Array, end: Array) -> Array:
+        """Return the integrals of ds/sqrt(b) from begin to end, each within one panel."""
+        points, weights = (QUADRATURE[0] + 1) / 2, QUADRATURE[1] / 2
+        width = end - begin
+        s = begin[..., None] + width[..., None] * points
+        return width * (self.squared_speed(s) ** -0.5 @ weights)
+
+    def path_coordinate(self, t: ArrayLike) -> Array:
+        """Return s at times t in [0, duration] [s], shape (...).
+
+        Raises:
+            ValueError: for times outside the motion.
+        """
         t = np.asarray(t, dtype=np.float64)
         slack = 1e-9 * self.duration
         if not np.all((t >= -slack) & (t <= self.duration + slack)):
             raise ValueError(f"t must lie within the flight, from 0 to {self.duration} s, got {t}")
-        interval = np.clip(np.searchsorted(self.breakpoints, t, side="right") - 1, 0, len(self.nodes) - 2)
-        tau = np.clip(t - self.breakpoints[interval], 0.0, None)
-        b = self.squared_speed[:, interval]
-        s_term = tau * _sinhc(b[2] * tau**2)
-        c_term = tau**2 / 2 * _sinhc(b[2] * tau**2 / 4) ** 2
-        u = np.sqrt(b[0]) * s_term + b[1] / 2 * c_term
-        return interval, np.clip(u, 0.0, np.diff(self.nodes)[interval])
-
-    def _path(self, interval: NDArray[np.intp], u: Array, order: int) -> Array:
-        """Return the derivative of y = y_2 + p (y_1 - y_2) with respect to s, by Leibniz' rule."""
-        s = self.nodes[interval] + u
-        first, second = self.outer_paths
-        value: Array = second(s, order)
-        for k in range(order + 1):
-            p = _polynomial(self.weight[:, interval], u, k)
-            value = value + comb(order, k) * p[..., None] * (first(s, order - k) - second(s, order - k))
-        return value
-
-    def _motion(self, interval: NDArray[np.intp], u: Array, order: int) -> Array:
-        """Return the derivative of the position with respect to time, order 0 to 3, eq. (9)."""
-        y = [self._path(interval, u, k) for k in range(order + 1)]
-        b = [_polynomial(self.squared_speed[:, interval], u, k)[..., None] for k in range(3)]
-        if order == 0:
-            return y[0]
-        if order == 1:
-            return y[1] * np.sqrt(b[0])
-        if order == 2:
-            return y[2] * b[0] + y[1] * b[1] / 2
-        return (y[3] * b[0] + 1.5 * y[2] * b[1] + 0.5 * y[1] * b[2]) * np.sqrt(b[0])
-
-    def _inputs(self, interval: NDArray[np.intp], u: Array) -> tuple[Array, Array, Array]:
-        """Return thrust, rate, and the tilt within half a turn, section II-A (rate as corrected above)."""
-        acceleration, jerk = self._motion(interval, u, 2), self._motion(interval, u, 3)
-        side, up = acceleration[..., 0], acceleration[..., 1] + self.quadrotor.gravity
-        square = side**2 + up**2
-        # A thrust that passes through zero turns infinitely fast: the rate is then inf, not an error.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            rate = np.nan_to_num((jerk[..., 0] * up - side * jerk[..., 1]) / square, nan=np.inf)
-        return np.sqrt(square), rate, np.arctan2(side, up)
+        ends, times = self._panels
+        panel = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(ends) - 2)
+        begin, end = ends[panel], ends[panel + 1]
+        late = t - times[panel]
+        s = begin + (end - begin) * late / np.diff(times)[panel]
+        for _ in range(NEWTON_STEPS):
+            step = (late - self._elapsed(begin, s)) * np.sqrt(self.squared_speed(s))
+            s = np.clip(s + step, begin, end)
+            if np.all(np.abs(step) <= 1e-15):
+                break
+        return s
 
     def path(self, s: ArrayLike, order: int = 0) -> Array:
-        """Return the geometric path y(s) or its derivative with respect to s [m].
-
-        Args:
-            s: path coordinates in [0, 1], shape (...).
-            order: 0 to 3.
-
-        Returns:
-            Shape (..., 2).
+        """Return the path y(s) or its derivative of that order with respect to s, shape (..., outputs).
 
         Raises:
             ValueError: for an order or a coordinate outside its range.
         """
-        self._check_order(order)
         s = np.asarray(s, dtype=np.float64)
         if not np.all((s >= 0) & (s <= 1)):
             raise ValueError(f"s must lie in [0, 1], got {s}")
-        interval = np.clip(np.searchsorted(self.nodes, s, side="right") - 1, 0, len(self.nodes) - 2)
-        return self._path(interval, s - self.nodes[interval], order)
+        self._require_order(order)
+        return self._path_derivatives(s, order)[order]
+
+    def _require_order(self, order: int) -> None:
+        if order not in range(self.system.order + 1):
+            known = ", ".join(map(str, range(self.system.order + 1)))
+            raise ValueError(f"order must be one of {known}, got {order!r}")
+
+    def _path_derivatives(self, s: Array, order: int) -> list[Array]:
+        """Return y and its derivatives with respect to s up to an order, by Leibniz' rule, eq. (9)."""
+        last = [self.outer_paths[-1](s, k) for k in range(order + 1)]
+        apart = [[path(s, k) - last[k] for k in range(order + 1)] for path in self.outer_paths[:-1]]
+        weights = [self.weights(s, nu=k) for k in range(order + 1)] if apart else []
+        return [
+            last[o]
+            + sum(
+                comb(o, k) * weights[k][..., i, None] * difference[o - k]
+                for i, difference in enumerate(apart)
+                for k in range(o + 1)
+            )
+            for o in range(order + 1)
+        ]
+
+    def jet(self, s: ArrayLike) -> list[Array]:
+        """Return the flat output and its time derivatives at path coordinates, each of shape (..., outputs)."""
+        s = np.asarray(s, dtype=np.float64)
+        speed = [self.squared_speed(s, nu=k)[..., None] for k in range(self.system.order)]
+        return along_path(self._path_derivatives(s, self.system.order), speed)
 
     def __call__(self, t: ArrayLike, order: int = 0) -> Array:
-        """Return position, velocity, acceleration or jerk, as order is 0, 1, 2 or 3.
+        """Return the flat output or its derivative of that order in time.
 
         Args:
             t: times from 0 to duration [s], shape (...).
-            order: of the derivative with respect to time.
+            order: from 0 to the system's order.
 
         Returns:
-            Components along x and z [m/s^order], shape (..., 2).
+            Shape (..., outputs).
 
         Raises:
             ValueError: for an order or a time outside its range.
         """
-        self._check_order(order)
-        return self._motion(*self._locate(t), order)
-
-    @staticmethod
-    def _check_order(order: int) -> None:
-        if order not in (0, 1, 2, 3):
-            raise ValueError(f"order must be 0, 1, 2 or 3, got {order!r}")
-
-    @cached_property
-    def _followed_tilt(self) -> tuple[Array, Array]:
-        """Times and continuous tilt at many points along the flight."""
-        interval, u = self.grid(TILT_SAMPLES)
-        times = self.breakpoints[interval] + self._elapsed(interval, u)
-        return times.ravel(), np.unwrap(self._inputs(interval, u)[2].ravel())
+        self._require_order(order)
+        return self.jet(self.path_coordinate(t))[order]
 
     def state(self, t: ArrayLike) -> Array:
-        """Return the states [x, z, vx, vz, theta] at times t [s], theta continuous from 0, shape (..., 5)."""
-        interval, u = self._locate(t)
-        tilt = self._inputs(interval, u)[2]
-        followed = np.interp(np.asarray(t, dtype=np.float64), *self._followed_tilt)
-        tilt = tilt + 2 * np.pi * np.round((followed - tilt) / (2 * np.pi))
-        parts = self._motion(interval, u, 0), self._motion(interval, u, 1), tilt[..., None]
-        return np.concatenate(parts, axis=-1)
+        """Return the states at times t [s], angles continuous from the start, shape (..., states)."""
+        state, _ = self.system.state_and_input(self.jet(self.path_coordinate(t)))
+        for i, (times, angle) in self._followed.items():
+            near = np.interp(np.asarray(t, dtype=np.float64), times, angle)
+            state[..., i] += 2 * np.pi * np.round((near - state[..., i]) / (2 * np.pi))
+        return state
 
     def control(self, t: ArrayLike) -> Array:
-        """Return the controls [thrust, rate] at times t [s], in [m/s^2] and [rad/s], shape (..., 2)."""
-        thrust, rate, _ = self._inputs(*self._locate(t))
-        return np.stack([thrust, rate], axis=-1)
+        """Return the inputs at times t [s], shape (..., inputs)."""
+        return self.system.state_and_input(self.jet(self.path_coordinate(t)))[1]
+
+    @cached_property
+    def _followed(self) -> dict[int, tuple[Array, Array]]:
+        """Times and continuous values of every angle at many points along the motion."""
+        s = self._grid(SAMPLES)
+        state, _ = self.system.state_and_input(self.jet(s))
+        ends, panel_times = self._panels
+        panel = np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(ends) - 2)
+        times = panel_times[panel] + self._elapsed(ends[panel], s)
+        return {i: (times.ravel(), np.unwrap(state[..., i].ravel())) for i in self.system.angles}
 
     def sample(self, dt: float) -> Samples:
-        """Return the flight at 0, dt, 2 dt, ... [s], and at its end."""
+        """Return the motion at 0, dt, 2 dt, ... [s], and at its end."""
         return sample(self, dt)
 
-    def grid(self, points: int) -> tuple[NDArray[np.intp], Array]:
-        """Return interval and offset of equidistant points, both ends included, shapes (N, points + 1)."""
-        share = np.linspace(0.0, 1.0, points + 1)
-        widths = np.diff(self.nodes)
-        return np.broadcast_to(np.arange(len(widths))[:, None], (len(widths), points + 1)), widths[:, None] * share
+    def _grid(self, points: int) -> Array:
+        """Return equidistant coordinates within each interval, ends from inside, shape (N, points + 1)."""
+        s = self.nodes[:-1, None] + np.diff(self.nodes)[:, None] * np.linspace(0.0, 1.0, points + 1)
+        s[:, -1] = np.nextafter(self.nodes[1:], -1.0)
+        return s
 
-    def excess(self, points: int = 32) -> Array:
+    def excess(self) -> Array:
         """Return how far each interval oversteps each limit, in continuous time.
 
-        The maxima are found among `points` samples per interval, each side of a node with its own
-        third derivatives, and once more among as many around the largest.
+        The maxima are found among samples of every interval, each side of a node with its own highest
+        derivatives, and once more around the largest.
 
         Returns:
-            Overstepping of thrust_max, thrust_min [m/s^2] and rate_max [rad/s]; negative is room
-            left, shape (3, N).
+            By limits of the system, relative to their scale (`FlatSystem.bounds`), negative where
+            there is room: the greatest, then the least values, shape (2, limits, N); inf where a
+            limit is exceeded beyond all numbers.
         """
-        interval, u = self.grid(points)
-        coarse = self._overstep(interval, u)
-        refined = []
-        for k in range(3):
-            top = u[np.arange(len(u)), coarse[k].argmax(axis=1)][:, None]
-            width = u[:, -1:]
-            near = np.clip(top + width / points * np.linspace(-1, 1, points + 1), 0, width)
-            refined.append(np.maximum(coarse[k].max(axis=1), self._overstep(interval, near)[k].max(axis=1)))
-        return np.array(refined)
+        s = self._grid(SAMPLES)
+        coarse = self._overstep(self.jet(s))
+        largest = coarse.max(axis=-1)
+        step = np.diff(self.nodes)[:, None] / SAMPLES * np.linspace(-1, 1, 2 * CLOSER + 1)
+        for side, limit in np.ndindex(largest.shape[:2]):
+            top = np.take_along_axis(s, coarse[side, limit].argmax(axis=1)[:, None], axis=1)
+            near = self._overstep(self.jet(np.clip(top + step, s[:, :1], s[:, -1:])))
+            largest[side, limit] = np.maximum(largest[side, limit], near[side, limit].max(axis=-1))
+        return largest
 
-    def _overstep(self, interval: NDArray[np.intp], u: Array) -> Array:
-        thrust, rate, _ = self._inputs(interval, u)
-        vehicle = self.quadrotor
-        return np.array([thrust - vehicle.thrust_max, vehicle.thrust_min - thrust, np.abs(rate) - vehicle.rate_max])
+    def _overstep(self, jet: list[Array]) -> Array:
+        """Return the overstepping of greatest and least values, shape (2, limits, ...)."""
+        _, _, low, high = self.system.bounds
+        # A thrust that passes through zero turns infinitely fast.
+        values = np.nan_to_num(self.system.limited_values(jet), nan=np.inf)
+        return np.moveaxis(np.stack([values - high, low - values]), -1, 1)
 
-    def violation(self, points: int = 32) -> float:
-        """Return the largest overstepping of a control limit relative to that limit, at least 0.
+    def violation(self) -> float:
+        """Return the largest overstepping of a limit relative to its scale, at least 0."""
+        return max(0.0, float(self.excess().max(initial=0.0)))
 
-        A thrust_min of 0 is compared with gravity instead.
+    def slowed(self, most: float) -> FlatTrajectory | None:
+        """Return the same path travelled just slowly enough to keep all limits.
+
+        Slower by a factor c, the k-th time derivatives fall by c^k.
+
+        Args:
+            most: the greatest c tried; None is returned where that does not do.
         """
-        vehicle = self.quadrotor
-        scale = np.array([vehicle.thrust_max, vehicle.thrust_min or vehicle.gravity, vehicle.rate_max])
-        return max(0.0, float((self.excess(points) / scale[:, None]).max()))
+        s, factor = self._grid(2 * SAMPLES), 1.0
+        jet = self.jet(s)
+        while factor <= most:
+            slower = replace(self, squared_speed=_scaled(self.squared_speed, factor**-2))
+            violation = float(self._overstep([y / factor**k for k, y in enumerate(jet)]).max(initial=0.0))
+            violation = violation or slower.violation()
+            if violation == 0:
+                return slower
+            factor *= 1 + 1.01 * violation + 1e-9
+        return None
+
+    def hastened(self) -> FlatTrajectory | None:
+        """Return the same path travelled faster and faster until a limit is met; None where one is exceeded."""
+        found, faster = None, self
+        while faster.violation() == 0:
+            found, faster = faster, replace(faster, squared_speed=_scaled(faster.squared_speed, HASTE**2))
+        return found
+
+
+def _scaled(spline: BSpline, factor: float) -> BSpline:
+    return BSpline(spline.t, spline.c * factor, spline.k)

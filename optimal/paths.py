@@ -1,59 +1,64 @@
-"""The outer paths the paper prints, sections III-A and III-B: polynomials in the path coordinate.
+"""Paths: curves y(s), s in [0, 1], with exact derivatives of any order, in any number of coordinates.
 
-A flight is a convex combination of outer paths, y(s) = sum p_i(s) y_i(s) with s in [0, 1], and
-stays between them whatever the weights. The printed pairs share their x-coordinate x_T q(s),
+Eqs. (6) and (9) project a flat system onto a path through the derivatives of y with respect to s,
+so a path answers one call, `path(s, order)`, shape (..., n): n = 2 for the planar quadrotor
+(x, z), n = 4 for the spatial one (x, y, z, yaw).
 
-    q(s) = s^5 + 5 s^4 (1 - s) + 10 s^3 (1 - s)^2,   q' = q'' = 0 at both ends,
-    r(s) = s^3 + 3 s^2 (1 - s),                      r' = 0 at both ends,
+A flight from rest to rest needs y^(l) = 0 at both ends for l = 1, ..., beta - 1 (section II-E).
+`Resting` gives any curve that property by running through it as y(q(s)), where
 
-so that x-velocity and x-acceleration vanish at both ends by construction. Their heights are
+    q(s) = sum over j = n..2n-1 of binom(2n-1, j) s^j (1 - s)^(2n-1-j)
 
-    horizontal   -1                          and  +1                            (c = 1)
-    ground        0                          and  +1
-    general      -c                          and  z_T + c
-    hoop         (x_T r(s) - 2.5)^2 + 2.75   and  -(x_T r(s) - 2.5)^2 + 2.25.
-
-Misprint corrected: the paper prints the lower hoop path with -2.25, which lies 5 m below the
-hoop; with +2.25 the two paths are 0.5 m apart at x = 2.5 m, which is the hoop.
-
-A path answers `path(s, order)`: its derivative of that order with respect to s, shape (..., 2).
+is the smoothstep of degree 2n - 1, whose derivatives of orders 1 to n - 1 vanish at 0 and 1. With
+n = 3 this is the q(s), with n = 2 the r(s) of section III. Its derivatives follow from Faa di
+Bruno's formula (`optimal.chain_rule`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+import math
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
+from scipy.interpolate import BSpline
+from scipy.optimize import minimize_scalar
 
 from flatgym.quadrotor import Array
-from flatgym.scenario import Scenario
+from optimal.chain_rule import composed
+
+Points = tuple[tuple[float, ...], ...]
+"""Rows of finite numbers."""
+
+REGULARITY_SAMPLES = 2000
+"""How densely `require_regular` looks for points where a path stands still."""
+STANDSTILL = 1e-6
+"""The derivative that counts as none, relative to the largest one of the path."""
 
 
 class Path(Protocol):
-    """Whatever answers `path(s, order)` with positions and their exact derivatives, shape (..., 2)."""
+    """Whatever answers `path(s, order)` with positions and their exact derivatives, shape (..., n)."""
 
     def __call__(self, s: ArrayLike, order: int = 0) -> Array: ...
 
 
-OuterPaths = tuple[Path, Path]
-"""The two paths a flight stays between."""
+@lru_cache(maxsize=16)
+def smoothstep(order: int) -> Polynomial:
+    """Return the polynomial of degree 2 order - 1 that rises from 0 to 1 and rests at both ends.
 
+    Args:
+        order: its derivatives of orders 1 to order - 1 vanish at 0 and 1; 2 gives r(s), 3 gives q(s) of the paper.
 
-class PaperPaths(NamedTuple):
-    """Outer paths with the weights (p_1(0), p_1(1)) of the first path, where a flight begins and ends."""
-
-    paths: OuterPaths
-    ends: tuple[float, float]
-
-
-_Q = Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
-_R = Polynomial([0.0, 0.0, 3.0, -2.0])
-
-_HOOP = ((5.0, 5.0), (2.5, 2.5, 0.5, 0.0))
-"""The one hoop flight the paper prints: displacement; hoop x, z, diameter, angle, from the start."""
+    Raises:
+        ValueError: for an order below 1.
+    """
+    if order < 1:
+        raise ValueError(f"order of a smoothstep must be at least 1 (a straight line), got {order}")
+    degree, s = 2 * order - 1, Polynomial([0.0, 1.0])
+    return sum((math.comb(degree, j) * s**j * (1 - s) ** (degree - j) for j in range(order, degree + 1)), 0 * s)
 
 
 @dataclass(frozen=True)
@@ -61,138 +66,190 @@ class PolynomialPath:
     """A path whose coordinates are polynomials of s.
 
     Attributes:
-        x, z: coefficients [m], constant first.
+        coefficients: one row for each coordinate, constant first; rows may differ in length.
+
+    Raises:
+        ValueError: for no coordinates, an empty row, or values that are not finite.
     """
 
-    x: tuple[float, ...]
-    z: tuple[float, ...]
+    coefficients: Points
+
+    def __post_init__(self) -> None:
+        rows = tuple(_finite("PolynomialPath.coefficients", row) for row in self.coefficients)
+        if not rows or not all(rows):
+            raise ValueError(
+                f"PolynomialPath.coefficients must be one row for each coordinate, got {self.coefficients!r}"
+            )
+        object.__setattr__(self, "coefficients", rows)
 
     def __call__(self, s: ArrayLike, order: int = 0) -> Array:
-        """Return the derivative of the given order with respect to s, exactly.
-
-        Args:
-            s: path coordinates, shape (...).
-            order: 0 for the position, 1 for the first derivative, and so on.
-
-        Returns:
-            The coordinates [m], shape (..., 2).
-
-        Raises:
-            ValueError: for a negative order.
-        """
-        if order < 0:
-            raise ValueError(f"order of a derivative must be at least 0, got {order}")
+        """Return the derivative of the given order with respect to s, shape (..., n)."""
+        _require_order(order)
         s = np.asarray(s, dtype=np.float64)
-        return np.stack([Polynomial(c).deriv(order)(s) + 0 * s for c in (self.x, self.z)], axis=-1)
+        return np.stack([Polynomial(row).deriv(order)(s) + 0 * s for row in self.coefficients], axis=-1)
 
 
-def _path(x: Polynomial, z: Polynomial) -> PolynomialPath:
-    return PolynomialPath(tuple(map(float, x.coef)), tuple(map(float, z.coef)))
+@dataclass(frozen=True)
+class BSplinePath:
+    """A clamped B-spline: it stays in the convex hull of any degree + 1 consecutive control points.
 
-
-def level_paths(start: ArrayLike, x_distance: float, low: float, high: float) -> OuterPaths:
-    """Return the paths at two constant heights, advancing by x_distance q(s).
-
-    Args:
-        start: where x begins, (x, z) [m].
-        x_distance: displacement along x [m], of either sign but not 0.
-        low, high: the two heights [m].
-
-    Returns:
-        The lower and the upper path.
+    Attributes:
+        points: control points, m rows of n coordinates; the first and the last are its ends.
+        degree: of its polynomial pieces; derivatives below this order are continuous where knots are simple.
+        knots: m + degree + 1 values from 0 to 1, each end repeated degree + 1 times; by default evenly spaced.
 
     Raises:
-        ValueError: where the paths are not regular curves or enclose nothing.
-
-    Source: sections III-A and III-B, horizontal, ground and general displacement.
+        ValueError: for points or knots that describe no such spline.
     """
-    if x_distance == 0:
-        raise ValueError(
-            "x_distance is 0, but the printed paths advance as x_T q(s) and must not stand still: "
-            "give the flight sideways room with outer paths of your own, or use another method"
-        )
-    if not low < high:
-        raise ValueError(f"the lower path must lie below the upper one, got heights {low} and {high} m")
-    x = _Q * x_distance + float(np.asarray(start)[0])
-    return _path(x, Polynomial([low])), _path(x, Polynomial([high]))
+
+    points: Points
+    degree: int = 5
+    knots: tuple[float, ...] | None = None
+    _spline: Any = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        points = _rows("BSplinePath.points", self.points)
+        if self.degree < 1 or len(points) <= self.degree:
+            raise ValueError(
+                f"BSplinePath.degree must be at least 1 and below the {len(points)} points, got {self.degree}"
+            )
+        if self.knots is None:
+            knots = clamped_knots(len(points), self.degree)
+        else:
+            knots = np.array(_finite("BSplinePath.knots", self.knots))
+            object.__setattr__(self, "knots", tuple(knots.tolist()))
+            self._require_clamped(knots, len(points))
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "_spline", BSpline(knots, np.array(points), self.degree))
+
+    def _require_clamped(self, knots: Array, count: int) -> None:
+        ends = self.degree + 1
+        if len(knots) != count + ends:
+            raise ValueError(
+                f"BSplinePath.knots must be {count + ends} for {count} points of degree {self.degree}, got {len(knots)}"
+            )
+        inside = knots[ends:-ends]
+        clamped = not knots[:ends].any() and (knots[-ends:] == 1).all() and ((inside > 0) & (inside < 1)).all()
+        if not clamped or (np.diff(knots) < 0).any():
+            raise ValueError(
+                f"BSplinePath.knots must not decrease, and stand {ends} times at 0 and at 1 only at the ends, "
+                f"got {self.knots}"
+            )
+
+    def __call__(self, s: ArrayLike, order: int = 0) -> Array:
+        """Return the derivative of the given order with respect to s, shape (..., n)."""
+        _require_order(order)
+        s = np.asarray(s, dtype=np.float64)
+        return np.asarray(self._spline(s, nu=min(order, self.degree + 1)))
 
 
-def hoop_paths(start: ArrayLike = (0.0, 0.0)) -> OuterPaths:
-    """Return the corridor through the paper's hoop, upper path first as printed.
+@dataclass(frozen=True)
+class BezierPath:
+    """A Bezier curve, the B-spline without inner knots: y(s) = sum of binom(m, j) s^j (1 - s)^(m-j) P_j.
 
-    Args:
-        start: where the flight of (5, 5) m begins, (x, z) [m]; the hoop's centre is at the middle.
-
-    Source: section III-B, with the misprinted -2.25 corrected to +2.25.
-    """
-    x_start, z_start = map(float, np.asarray(start))
-    x, bow = _Q * 5.0 + x_start, (_R * 5.0 - 2.5) ** 2
-    return _path(x, bow + 2.75 + z_start), _path(x, -bow + 2.25 + z_start)
-
-
-def end_weights(paths: OuterPaths, start: ArrayLike, goal: ArrayLike) -> tuple[float, float]:
-    """Return p_1(0) and p_1(1), the weights of the first path that begin at start and end at goal.
-
-    Args:
-        paths: two outer paths that agree in x.
-        start, goal: points (x, z) [m].
+    Attributes:
+        points: control points P_0, ..., P_m, rows of n coordinates.
 
     Raises:
-        ValueError: where a point does not lie between the paths.
+        ValueError: for fewer than two points, rows of different lengths, or values that are not finite.
     """
-    weights = []
-    for s, point in ((0.0, np.asarray(start)), (1.0, np.asarray(goal))):
-        first, second = paths[0](s), paths[1](s)
-        weight = float((point - second)[1] / (first - second)[1])
-        miss = float(np.abs(second + weight * (first - second) - point).max())
-        if miss > 1e-9 or not 0 <= weight <= 1:
-            raise ValueError(f"the point {tuple(point)} does not lie between the outer paths at s = {s:g}")
-        weights.append(weight + 0.0)
-    return weights[0], weights[1]
+
+    points: Points
+    _spline: BSplinePath = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        points = _rows("BezierPath.points", self.points)
+        if len(points) < 2:
+            raise ValueError(f"BezierPath.points must be at least two, got {len(points)}")
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "_spline", BSplinePath(points, len(points) - 1))
+
+    def __call__(self, s: ArrayLike, order: int = 0) -> Array:
+        """Return the derivative of the given order with respect to s, shape (..., n)."""
+        return self._spline(s, order)
 
 
-def paper_outer_paths(scenario: Scenario) -> PaperPaths:
-    """Return the outer paths the paper prints for a scenario, and p_1 at both ends.
+@dataclass(frozen=True)
+class Resting:
+    """A curve left and reached at rest: y(q(s)), q the smoothstep.
 
-    The constant c of the general displacement is 0 m for (5, 5) m, as printed, and otherwise 1 m,
-    as in the horizontal flights; floor and ceiling cut the corridor, which gives the ground paths.
-
-    Args:
-        scenario: horizontal, ground or general displacement without hoops, or the paper's hoop.
-
-    Returns:
-        The two paths, and the weights (p_1(0), p_1(1)) of the first.
+    Attributes:
+        path: the curve y.
+        order: derivatives of orders 1 to order - 1 vanish at both ends.
 
     Raises:
-        ValueError: for a scenario the paper prints no paths for, saying why.
+        ValueError: for an order below 1.
     """
-    start, goal = np.array(scenario.start), np.array(scenario.goal)
-    x_distance, climb = (goal - start).tolist()
-    if scenario.hoops:
-        paths = _paths_through_hoops(scenario)
-    elif x_distance == 0:
-        raise ValueError(
-            f"the paper prints no outer paths for {scenario.name!r}: its flight is vertical, and x = x_T q(s) "
-            "would leave no room to tilt; give optimal.plan outer paths of your own, or use another method"
-        )
-    else:
-        c = 0.0 if (x_distance, climb) == _HOOP[0] else 1.0
-        low, high = scenario.start[1] + min(climb, 0.0) - c, scenario.start[1] + max(climb, 0.0) + c
-        low = low if scenario.floor is None else max(low, scenario.floor)
-        high = high if scenario.ceiling is None else min(high, scenario.ceiling)
-        paths = level_paths(start, x_distance, low, high)
-    return PaperPaths(paths, end_weights(paths, start, goal))
+
+    path: Path
+    order: int = 3
+
+    def __post_init__(self) -> None:
+        smoothstep(self.order)
+
+    def __call__(self, s: ArrayLike, order: int = 0) -> Array:
+        """Return the derivative of the given order with respect to s, shape (..., n), by Faa di Bruno's formula."""
+        _require_order(order)
+        s = np.asarray(s, dtype=np.float64)
+        q = smoothstep(self.order)
+        within = np.clip(q(s), 0.0, 1.0)
+        inner = [q.deriv(i)(s)[..., None] for i in range(1, order + 1)]
+        return np.asarray(composed([self.path(within, k) for k in range(order + 1)], inner, order))
 
 
-def _paths_through_hoops(scenario: Scenario) -> OuterPaths:
-    start, goal = scenario.start, scenario.goal
-    hoops = tuple((h.x - start[0], h.z - start[1], h.diameter, h.angle) for h in scenario.hoops)
-    displacement = (goal[0] - start[0], goal[1] - start[1])
-    narrower = scenario.floor is not None or scenario.ceiling is not None or scenario.quadrotor.radius > 0
-    if (displacement, *hoops) != _HOOP or narrower:
-        raise ValueError(
-            f"the paper prints no outer paths for {scenario.name!r}: its only hoop flight is (5, 5) m through one "
-            f"hoop of 0.5 m at (2.5, 2.5) m by a point without floor or ceiling; this one is {displacement} m through "
-            f"{len(hoops)} hoop(s). Give optimal.plan outer paths of your own, or use another method"
-        )
-    return hoop_paths(start)
+def clamped_knots(count: int, degree: int) -> Array:
+    """Return evenly spaced knots on [0, 1] for `count` control points, ends repeated degree + 1 times."""
+    return np.concatenate([np.zeros(degree), np.linspace(0.0, 1.0, count - degree + 1), np.ones(degree)])
+
+
+def require_regular(path: Path) -> None:
+    """Refuse a path that stands still inside (0, 1), where its direction and eq. (6) are undefined.
+
+    Args:
+        path: resting at its ends is allowed.
+
+    Raises:
+        ValueError: naming the s at fault.
+    """
+
+    def speed(s: ArrayLike) -> Array:
+        return np.linalg.norm(path(s, 1), axis=-1)
+
+    s = np.linspace(0.0, 1.0, REGULARITY_SAMPLES + 1)
+    speeds = speed(s)
+    if not np.isfinite(speeds).all():
+        raise ValueError(f"the path's derivative is not finite at s = {s[~np.isfinite(speeds)][0]:.4g}")
+    least = STANDSTILL * speeds.max()
+    # Only where the derivative changes by its own length from one sample to the next can it vanish between them.
+    change = np.linalg.norm(path(s, 2), axis=-1) / REGULARITY_SAMPLES
+    suspect = speeds[1:-1] <= np.maximum(np.max([change[:-2], change[1:-1], change[2:]], axis=0), least)
+    for i in np.flatnonzero(suspect & (speeds[1:-1] <= speeds[:-2]) & (speeds[1:-1] <= speeds[2:])) + 1:
+        found = minimize_scalar(speed, bounds=(s[i - 1], s[i + 1]), method="bounded", options={"xatol": 1e-12})
+        if min(found.fun, speeds[i]) <= least:
+            at = s[i] if speeds[i] <= found.fun else found.x
+            raise ValueError(
+                f"the path is degenerate: its derivative vanishes at s = {at:.4g}, inside (0, 1), where it has no "
+                "direction; let it stand still only at its ends"
+            )
+
+
+def _require_order(order: int) -> None:
+    if order < 0:
+        raise ValueError(f"order of a derivative must be at least 0, got {order}")
+
+
+def _finite(name: str, values: ArrayLike) -> tuple[float, ...]:
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim != 1 or not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite numbers, got {values!r}")
+    return tuple(array.tolist())
+
+
+def _rows(name: str, values: ArrayLike) -> Points:
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except ValueError:
+        raise ValueError(f"{name} must be rows of equal length, got {values!r}") from None
+    if array.ndim != 2 or 0 in array.shape or not np.isfinite(array).all():
+        raise ValueError(f"{name} must be rows of finite coordinates, shape (m, n), got {values!r}")
+    return tuple(map(tuple, array.tolist()))

@@ -1,154 +1,117 @@
-"""Path planning and path following as one fixed-end problem, paper eq. (10).
+"""Path planning and path following as one fixed-end problem, paper eq. (10), for any flat system.
 
-The flight is y(s) = p(s) y_1(s) + (1 - p(s)) y_2(s), travelled with ds/dt = sqrt(b(s)), and
+The path is y(s) = sum p_i(s) y_i(s), p_i >= 0, sum p_i = 1, travelled with ds/dt = sqrt(b(s)), and
 
     minimise    T = integral of ds / sqrt(b)                                                (7)
-    subject to  0 <= p <= 1,  b > 0,  thrust and rate within their limits,                  (10)
-                at rest and upright at s = 0 and s = 1.
+    subject to  b > 0,  states and inputs within their limits,                              (10)
+                at rest at s = 0 and s = 1.
 
 (The paper misprints the time element as ds/sqrt(s).) `optimal.flat_program` is the transcription.
 
-Limits hold at checks, and flights happen between them. `checks="nodes"` is the paper's
-discretisation and lies. `checks="certified"` checks both ends and the middle of each interval,
-refines the grid where it costs time, then measures what is exceeded between the checks and narrows
-the limits there until nothing is. A time is only ever given with a flight that was measured.
+Limits hold at checks, and motions happen between them. `checks="nodes"` is the paper's
+discretisation and lies. `checks="certified"` refines the grid where limits are exceeded between
+the checks or left unused, narrows the limits by what is still exceeded, and in the end slows the
+motion by the last trace of it. A time is only ever given with a motion that was measured.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from heapq import heapify, heappush, heapreplace
 
 import numpy as np
-from scipy.interpolate import BSpline, make_lsq_spline
+from numpy.typing import ArrayLike
 
 from flatgym.quadrotor import Array, Quadrotor
-from optimal.flat_program import SLOWEST, SUCCESS, Iterate, Problem, knots, place_checks, solve_program
+from optimal.flat_program import (
+    CLOSE,
+    NEAR,
+    PATH_HELD,
+    SLOWEST,
+    SUCCESS,
+    USABLE,
+    Iterate,
+    Problem,
+    shared_points,
+    solve_program,
+    spaces,
+)
 from optimal.flat_trajectory import FlatTrajectory
-from optimal.paths import OuterPaths, PaperPaths, paper_outer_paths
+from optimal.paths import Path
+from optimal.systems import FlatSystem, PlanarQuadrotor
 
-__all__ = ["FlatSolution", "PaperPaths", "paper_outer_paths", "plan"]
-
-DEFAULT_QUADROTOR = Quadrotor()
-DEFAULT_INTERVALS = {"certified": 100, "nodes": 50}
-ALLOWED_VIOLATION = 1e-6
-"""The largest violation of a limit, relative to it, that may be called none."""
+INTERVALS, FINER = 32, 2
+"""Intervals of the first grid, and how many times more a refined one has."""
+RESOLVED = 1.5e-3
+"""The violation between checks, relative to the limit, below which the first grid is fine enough."""
+MISLED, STEPS, WORTH = 1.0, 8, 1e-3
+"""The violation of a first solution that is none; how many steps are taken instead, while each gains so much."""
+NARROWINGS, GAIN, WIDEST, CALM = 10, 1.3, 0.4, 0.7
+"""How often limits are narrowed, by how many times what was exceeded, how far at most, and by what factor
+the reach shrinks each time: else what is pushed back here comes up there, for ever."""
+TRACE, LEAST, MOST_SLOWED = 1e-3, 1e-4, 1.03
+"""The violation up to which a motion is slowed rather than solved again, the room made where that fails,
+and how many times longer a slowed motion may take."""
 SLOW = 0.05
-"""The small b of section II-E, so slow that no limit is near [1/s^2]."""
-COARSEST, GROWTH = 48, 1.6
-"""The grid is refined from at most so many intervals, by at most this factor at a time."""
-NARROWINGS, GAIN, LEAST = 15, 1.5, 3e-4
-"""How often limits are narrowed, and by how much: by more than was exceeded, and never by less than that."""
+"""The small b of section II-E [1/s^2]."""
+STANDSTILL = 1e-6
+"""The least |y'| of a path that leads somewhere [m]."""
+WILD = 10.0
+"""How many times its limit a quantity counts at most."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlatSolution:
-    """The answer of `plan`.
+    """The answer of `plan` and `follow`.
 
     Attributes:
-        time: flight time [s]; inf unless converged.
+        time: duration of the motion [s]; inf unless converged.
         status: a sentence: how the solve ended, and what to do about it.
         converged: whether time and trajectory may be used as the status says.
+        optimised: whether the motion is the optimiser's; else it is a feasible one along the central path.
         iterations: of Ipopt, over all the solves that led here.
         solve_time: wall time [s].
-        trajectory: the flight; None unless converged.
-        violation: largest violation of a control limit in continuous time, relative to the limit; inf
-            where there is no trajectory.
+        trajectory: the motion; None unless converged.
+        violation: largest violation of a limit in continuous time, relative to its scale; inf where
+            there is no trajectory.
+        intervals: of the grid.
     """
 
     time: float
     status: str
     converged: bool
+    optimised: bool
     iterations: int
     solve_time: float
     trajectory: FlatTrajectory | None
     violation: float
-
-
-def _slow_start(problem: Problem, intervals: int) -> Iterate:
-    """Return section II-E's start: from end weight to end weight, centrally, upright and slowly."""
-    nodes = np.linspace(0.0, 1.0, intervals + 1)
-    checks = place_checks(nodes, problem.certified)
-    ends = knots(nodes, 3)
-    share = (ends[1:-3] + ends[2:-2] + ends[3:-1]) / 3
-    share = share**3 * (10 - 15 * share + 6 * share**2)
-    weight = problem.ends[0] + (problem.ends[1] - problem.ends[0]) * share
-    count = len(checks.s)
-    hover = np.full(count, problem.quadrotor.gravity)
-    return Iterate(checks, weight, np.full(intervals + 2, SLOW), np.zeros(count), hover)
-
-
-def _trajectory(problem: Problem, iterate: Iterate) -> FlatTrajectory:
-    nodes = iterate.checks.nodes
-
-    def powers(coefficients: Array, degree: int) -> Array:
-        spline = BSpline(knots(nodes, degree), coefficients, degree)
-        return np.array([spline(nodes[:-1], nu=k) / math.factorial(k) for k in range(degree + 1)])
-
-    weight, squared_speed = powers(iterate.weight, 3), powers(iterate.squared_speed, 2)
-    return FlatTrajectory(nodes, weight, squared_speed, problem.outer_paths, problem.quadrotor)
-
-
-def _refined(problem: Problem, iterate: Iterate, intervals: int) -> Iterate:
-    """Return the same flight on more intervals, halving those that lose most time.
-
-    A control that varies within an interval is not at its limit all along; the time this may cost
-    is the interval's duration times its controls' range. (Nested splines: nothing is approximated.)
-    """
-    flight, vehicle, nodes = _trajectory(problem, iterate), problem.quadrotor, iterate.checks.nodes
-    t = flight.breakpoints[:-1, None] + np.diff(flight.breakpoints)[:, None] * np.linspace(1e-6, 1 - 1e-6, 9)
-    spread = np.ptp(flight.control(t), axis=1) / (vehicle.control_high - vehicle.control_low)
-    loss = np.diff(flight.breakpoints) * spread.sum(axis=1)
-    chosen = np.argsort(-loss, kind="stable")[: intervals - len(nodes) + 1]
-    finer = np.sort(np.concatenate([nodes, (nodes[chosen] + nodes[chosen + 1]) / 2]))
-    dense = np.unique(np.linspace(finer[:-1], finer[1:], 5))
-
-    def insert(coefficients: Array, degree: int) -> Array:
-        values = BSpline(knots(nodes, degree), coefficients, degree)(dense)
-        return np.asarray(make_lsq_spline(dense, values, knots(finer, degree), degree).c)
-
-    weight, squared_speed = insert(iterate.weight, 3), insert(iterate.squared_speed, 2)
-    checks = place_checks(finer, problem.certified)
-    tilt, thrust = (np.interp(checks.s, iterate.checks.s, v) for v in (iterate.tilt, iterate.thrust))
-    weight, squared_speed = np.clip(weight, 0, 1), np.maximum(squared_speed, SLOWEST)
-    return Iterate(checks, weight, squared_speed, tilt, thrust, iterations=iterate.iterations)
-
-
-def _certify(problem: Problem, iterate: Iterate) -> Iterate:
-    """Narrow the limits of each interval by what was exceeded within it, until nothing is."""
-    vehicle = problem.quadrotor
-    margins = np.zeros((3, len(iterate.checks.nodes) - 1))
-    most = 0.4 * np.array([[vehicle.thrust_max - vehicle.thrust_min]] * 2 + [[vehicle.rate_max]])
-    for _ in range(NARROWINGS):
-        flight = _trajectory(problem, iterate)
-        if iterate.outcome not in SUCCESS or flight.violation() <= ALLOWED_VIOLATION:
-            break
-        excess = flight.excess()
-        margins = np.minimum(margins + np.where(excess > 0, GAIN * excess + LEAST, 0.0), most)
-        iterate = solve_program(problem, iterate, margins)
-    return iterate
+    intervals: int
 
 
 def plan(
-    outer_paths: OuterPaths,
-    quadrotor: Quadrotor = DEFAULT_QUADROTOR,
+    outer_paths: Sequence[Path],
+    system: FlatSystem | Quadrotor | None = None,
     *,
-    ends: tuple[float, float] = (0.5, 0.5),
-    intervals: int | None = None,
+    ends: ArrayLike | None = None,
+    conditions: str = "explicit",
     checks: str = "certified",
+    intervals: int = INTERVALS,
 ) -> FlatSolution:
-    """Return the fastest flight between two outer paths, from rest to rest and upright at both ends.
+    """Return the fastest motion between outer paths, from rest to rest.
 
     Args:
-        outer_paths: two paths answering `path(s, order)`, three times differentiable, at rest (y' = 0)
-            at s = 0 and 1; `optimal.paths` has the paper's.
-        quadrotor: the vehicle and its limits.
-        ends: the weights p_1(0), p_1(1) of the first path where the flight begins and ends.
-        intervals: pieces of p and b; by default 100, and 50 with limits at nodes only, where more are
-            no better: the lie only has more places to hide, and the solver more to get lost in.
-        checks: "certified": limits hold in continuous time, to 1e-6 relative; "nodes": as published,
-            at grid nodes only, with what happens in between as the solution's violation.
+        outer_paths: k >= 2 paths answering `path(s, order)`, as often differentiable as the system's
+            order, at rest (y' = 0) at s = 0 and 1; `optimal.corridors` makes them.
+        system: what moves, with its limits; a planar quadrotor by default.
+        ends: the weights of all paths at s = 0 and s = 1, shape (2, k); 1/k by default.
+        conditions: "explicit": the state at both ends is a constraint; "implicit": all derivatives of
+            the weights below the system's order vanish there, as the paths' must (section II-E).
+        checks: "certified": limits hold in continuous time; "nodes": as published, at grid nodes only,
+            with what happens in between as the solution's violation.
+        intervals: pieces of the weights and of b on the first grid.
 
     Returns:
         The solution; where the solve fails its time is inf and its status says why.
@@ -158,75 +121,239 @@ def plan(
 
     Source: eq. (10), started as section II-E proposes.
     """
-    intervals = DEFAULT_INTERVALS.get(checks, 0) if intervals is None else intervals
-    _require_valid(outer_paths, ends, intervals, checks)
-    begun = time.perf_counter()
-    problem = Problem(outer_paths, quadrotor, ends, checks == "certified")
-    if not problem.certified:
-        iterate = solve_program(problem, _slow_start(problem, intervals))
-        return _judged(problem, iterate, time.perf_counter() - begun)
-    iterates = _on_finer_grids(problem, intervals)
-    # The finest grid first; one too fine for the solver must not lose what a coarser one has found.
-    for iterate in reversed(iterates):
-        solution = _judged(problem, _certify(problem, iterate), time.perf_counter() - begun)
-        if solution.converged:
-            break
-    return solution
+    problem = pose(outer_paths, system, ends, conditions, checks)
+    if len(outer_paths) < 2:
+        raise ValueError(f"outer_paths must be at least two paths, got {len(outer_paths)}; `follow` takes a single one")
+    return optimise(problem, intervals)
 
 
-def _on_finer_grids(problem: Problem, intervals: int) -> list[Iterate]:
-    """Solve on grid after grid, e.g. 40, 63, 100 intervals, each started from the one before."""
-    sizes = [intervals]
-    while sizes[0] > COARSEST:
-        sizes.insert(0, math.ceil(sizes[0] / GROWTH))
-    iterates: list[Iterate] = []
-    for size in sizes:
-        known = [iterate for iterate in iterates if iterate.outcome in SUCCESS]
-        start = _refined(problem, known[-1], size) if known else _slow_start(problem, size)
-        iterates.append(solve_program(problem, start))
-    return iterates
-
-
-def _judged(problem: Problem, iterate: Iterate, solve_time: float) -> FlatSolution:
-    """Return a time only for what may be called a solution, else the reason why not."""
-    iterations, size = iterate.iterations, len(iterate.checks.nodes) - 1
-    flight = _trajectory(problem, iterate)
-    violation = flight.violation() if iterate.outcome in SUCCESS else math.inf
-    if iterate.outcome not in SUCCESS:
-        status = (
-            f"Not solved: Ipopt stopped with {iterate.outcome} on {size} intervals; try another number of "
-            "intervals, or outer paths that leave more room."
-        )
-    elif not problem.certified:
-        status = (
-            f"Limits at grid nodes only, as published: between them one is exceeded by {violation:.3g} times "
-            'its value, so this is not a flight; use checks="certified" for one.'
-        )
-        return FlatSolution(flight.duration, status, True, iterations, solve_time, flight, violation)
-    elif violation > ALLOWED_VIOLATION:
-        status = (
-            f"Not solved: between its checks the flight still exceeds a limit by {violation:.2%} after "
-            f"{NARROWINGS} narrowings on {size} intervals; use more intervals."
-        )
-    else:
-        status = f"Solved: limits hold in continuous time, on {size} intervals."
-        return FlatSolution(flight.duration, status, True, iterations, solve_time, flight, violation)
-    return FlatSolution(math.inf, status, False, iterations, solve_time, None, math.inf)
-
-
-def _require_valid(outer_paths: OuterPaths, ends: tuple[float, float], intervals: int, checks: str) -> None:
-    if checks not in DEFAULT_INTERVALS:
+def pose(
+    outer_paths: Sequence[Path],
+    system: FlatSystem | Quadrotor | None,
+    ends: ArrayLike | None,
+    conditions: str,
+    checks: str,
+) -> Problem:
+    """Return the validated problem."""
+    system = PlanarQuadrotor(system or Quadrotor()) if not isinstance(system, FlatSystem) else system
+    paths = tuple(outer_paths)
+    weights = np.full((2, len(paths)), 1 / len(paths)) if ends is None else np.asarray(ends, dtype=np.float64)
+    if checks not in ("certified", "nodes"):
         raise ValueError(f'checks must be "certified" or "nodes", got {checks!r}')
+    if conditions not in ("explicit", "implicit"):
+        raise ValueError(f'conditions must be "explicit" or "implicit", got {conditions!r}')
+    if weights.shape != (2, len(paths)) or not (
+        np.all(weights >= 0) and np.allclose(weights.sum(axis=1), 1, rtol=0, atol=1e-9)
+    ):
+        raise ValueError(f"ends must be {len(paths)} weights >= 0 with sum 1 at either end, got {weights.tolist()}")
+    for i, path in enumerate(paths):
+        if np.shape(path(0.0)) != (len(system.outputs),):
+            raise ValueError(
+                f"path {i} has {np.shape(path(0.0))[-1]} coordinates, but {type(system).__name__} needs "
+                f"{len(system.outputs)}: {', '.join(system.outputs)}"
+            )
+    # Only lifted attitudes can be held upright by themselves; else the jet must vanish.
+    explicit = conditions == "explicit" and bool(system.lift().names)
+    problem = Problem(system, paths, weights, checks == "certified", 1 if explicit else system.order - 1)
+    _require_rest(problem, explicit)
+    _require_way(problem)
+    return problem
+
+
+def _require_rest(problem: Problem, explicit: bool) -> None:
+    for s, weights in zip((0.0, 1.0), problem.ends, strict=True):
+        for order in range(1, 2 if explicit else problem.system.order):
+            values = [w * path(s, order) for w, path in zip(weights, problem.outer_paths, strict=True)]
+            derivative = np.sum(values, axis=0)
+            if not np.all(np.abs(derivative) <= 1e-9):
+                raise ValueError(
+                    f"the outer paths must be at rest at both ends (section II-E), got derivative {order} with respect "
+                    f"to s = {derivative} at s = {s:g}; reparametrise them with `optimal.paths.Resting`"
+                )
+
+
+def _require_way(problem: Problem) -> None:
+    """Refuse paths between which a motion would stand still on the way, as where start and goal are one point."""
+    s = np.linspace(0.02, 0.98, 193)
+    speed = np.linalg.norm(motion(problem, _central(problem, 4)).path(s, 1), axis=-1)
+    if not np.all(speed > STANDSTILL):
+        raise ValueError(
+            f"the path centrally between the outer paths stands still at s = {s[np.argmin(speed)]:.2f}: needs y' != 0 "
+            "between the ends; move the outer paths, or the weights at the ends"
+        )
+
+
+def optimise(problem: Problem, intervals: int) -> FlatSolution:
+    """Return the solution of a problem, started on that many intervals."""
     if intervals < 4:
         raise ValueError(f"intervals must be at least 4, got {intervals}")
-    if len(outer_paths) != 2:
-        raise ValueError(f"outer_paths must be two paths, got {len(outer_paths)}")
-    if len(ends) != 2 or not all(0 <= end <= 1 for end in ends):
-        raise ValueError(f"ends must be two weights of the first path between 0 and 1, got {ends}")
-    for s, p in zip((0.0, 1.0), ends, strict=True):
-        slope = p * outer_paths[0](s, 1) + (1 - p) * outer_paths[1](s, 1)
-        if np.abs(slope).max() > 1e-9:
-            raise ValueError(
-                f"the outer paths must be at rest at both ends (y' = 0, section II-E), got y' = {slope} at s = {s:g}; "
-                "reparametrise them, for example by the polynomial q(s) of section III-A"
-            )
+    begun = time.perf_counter()
+    slow = slow_start(problem, intervals)
+    if not problem.certified:
+        iterate = solve_program(problem, slow)
+        return _judged(problem, iterate, motion(problem, iterate), begun)
+    iterate = _first(problem, slow)
+    flight = None
+    if motion(problem, iterate).violation() <= RESOLVED:
+        iterate, flight = _certified(problem, iterate)
+    for reach in (NEAR, CLOSE, CLOSE):
+        if flight is not None:
+            break
+        finer = solve_program(problem, _regridded(problem, iterate, FINER * intervals), reach=reach)
+        if finer.outcome in USABLE:
+            iterate, flight = _certified(problem, finer)
+    if flight is not None:
+        return _judged(problem, iterate, flight, begun)
+    return _judged(problem, iterate, _along_central_path(problem, slow), begun, optimised=False)
+
+
+def _along_central_path(problem: Problem, slow: Iterate) -> FlatTrajectory | None:
+    """Return what is feasible whenever there is a corridor: the slow start's path, followed as fast as may be."""
+    _, flight = _certified(problem, solve_program(problem, slow, reach=PATH_HELD))
+    return flight or motion(problem, slow).hastened()
+
+
+def _first(problem: Problem, slow: Iterate) -> Iterate:
+    """Return the solution on the first grid: from the slow start at once, or where that fails by steps.
+
+    The steps begin with the path held, eq. (8), which the slow start always solves, and then let
+    go of it little by little: the two stages of planning and following, and back again.
+    """
+    first = solve_program(problem, slow)
+    if first.outcome in SUCCESS and motion(problem, first).violation() <= MISLED:
+        return first
+    iterate = replace(solve_program(problem, slow, reach=PATH_HELD), iterations=first.iterations)
+    before = math.inf
+    for _ in range(STEPS):
+        iterate = solve_program(problem, iterate, reach=NEAR)
+        duration = motion(problem, iterate).duration
+        if duration > before * (1 - WORTH):
+            break
+        before = duration
+    return iterate
+
+
+def slow_start(problem: Problem, intervals: int) -> Iterate:
+    """Return section II-E's start: centrally between the paths, so slowly that no limit is near."""
+    start = _central(problem, intervals)
+    while motion(problem, start).violation() > 0 and start.squared_speed[0] > SLOWEST:
+        start = replace(start, squared_speed=start.squared_speed / 4)
+    return start
+
+
+def _central(problem: Problem, intervals: int) -> Iterate:
+    """Return the motion whose weights pass smoothly from those at the start to those at the end."""
+    nodes = np.linspace(0.0, 1.0, intervals + 1)
+    weight_space, speed_space = spaces(problem.system, nodes, problem.certified)
+    share = weight_space.centres[:, None]
+    blend = share**3 * (10 - 15 * share + 6 * share**2)
+    weights = problem.ends[0] + (problem.ends[1] - problem.ends[0]) * blend
+    lifted = np.tile(problem.system.lift().guess, (len(shared_points(nodes, problem.certified)), 1))
+    return Iterate(nodes, weights[:, :-1], np.full(speed_space.size, SLOW), lifted)
+
+
+def motion(problem: Problem, iterate: Iterate) -> FlatTrajectory:
+    """Return the motion an iterate describes."""
+    weights, speed = spaces(problem.system, iterate.nodes, problem.certified)
+    return FlatTrajectory(
+        problem.system,
+        problem.outer_paths,
+        iterate.nodes,
+        weights.spline(iterate.weights),
+        speed.spline(iterate.squared_speed),
+    )
+
+
+def _regridded(problem: Problem, iterate: Iterate, intervals: int) -> Iterate:
+    """Return the same motion on more intervals, halving again and again the one that exceeds or wastes most.
+
+    A quantity that varies within an interval is not at its limit all along; the time this may cost is
+    the interval's duration times the quantities' range. (Nested splines: nothing is approximated.)
+    """
+    flight, nodes = motion(problem, iterate), iterate.nodes
+    inside = nodes[:-1, None] + np.diff(nodes)[:, None] * np.linspace(1e-6, 1 - 1e-6, 9)
+    values = np.clip(np.nan_to_num(problem.system.limited_values(flight.jet(inside))), -WILD, WILD)
+    waste = np.diff(flight.breakpoints) / flight.duration * np.ptp(values, axis=1).sum(axis=-1)
+    waste += np.clip(flight.excess().max(axis=(0, 1)), 0, 1)
+    queue = [(-loss, begin, end) for loss, begin, end in zip(waste, nodes[:-1], nodes[1:], strict=True)]
+    heapify(queue)
+    while len(queue) < intervals:
+        loss, begin, end = queue[0]
+        middle = (begin + end) / 2
+        heapreplace(queue, (loss / 2, begin, middle))
+        heappush(queue, (loss / 2, middle, end))
+    finer = np.array([*sorted(begin for _, begin, _ in queue), 1.0])
+    before, after = (shared_points(grid, problem.certified) for grid in (nodes, finer))
+    lifted = [np.interp(after, before, values) for values in iterate.lifted.T]
+    weights, speed = spaces(problem.system, finer, problem.certified)
+    return Iterate(
+        finer,
+        np.clip(weights.fitted(flight.weights), 0, 1),
+        np.maximum(speed.fitted(flight.squared_speed), SLOWEST),
+        np.stack(lifted, axis=-1) if lifted else np.zeros((len(after), 0)),
+        iterations=iterate.iterations,
+    )
+
+
+def _certified(problem: Problem, iterate: Iterate) -> tuple[Iterate, FlatTrajectory | None]:
+    """Narrow the limits of each interval by what was exceeded within it; slow the motion by the rest.
+
+    Returns:
+        The last iterate, and the fastest of the slowed motions; None where all are too far from feasible.
+    """
+    margins = np.zeros((2, len(problem.system.bounds[0]), len(iterate.nodes) - 1))
+    best: FlatTrajectory | None = None
+    for i in range(NARROWINGS):
+        if iterate.outcome not in USABLE:
+            break
+        flight = motion(problem, iterate)
+        excess = flight.excess()
+        slowed = flight.slowed(MOST_SLOWED)
+        best = min((f for f in (best, slowed) if f is not None), key=lambda f: f.duration, default=None)
+        if slowed is not None and excess.max() <= TRACE:
+            break
+        exceeded = _spread(np.maximum(excess, 0.0))
+        margins = np.minimum(margins + GAIN * exceeded + LEAST * (exceeded > 0), WIDEST)
+        iterate = solve_program(problem, iterate, margins, CLOSE.times(CALM**i))
+    return iterate, best
+
+
+def _spread(excess: Array) -> Array:
+    """Return the excess of each interval, or half of a neighbour's: pushed back here, it tends to come up there."""
+    beside = np.pad(excess, ((0, 0), (0, 0), (1, 1))) / 2
+    return np.maximum(excess, np.maximum(beside[..., :-2], beside[..., 2:]))
+
+
+def _judged(
+    problem: Problem, iterate: Iterate, flight: FlatTrajectory | None, begun: float, optimised: bool = True
+) -> FlatSolution:
+    """Return a time only for what may be called a solution, else the reason why not."""
+    size = len(iterate.nodes) - 1
+    ended = "" if iterate.outcome in SUCCESS else f" (Ipopt stopped with {iterate.outcome})"
+    way_out = "start on another number of intervals, or use outer paths that leave more room"
+    if flight is None or (not problem.certified and ended):
+        flight = None
+        status = f"Not solved: no motion within the limits was found on {size} intervals{ended}; {way_out}."
+    elif not problem.certified:
+        status = (
+            "Limits at grid nodes only, as published: between them one is exceeded by "
+            f'{flight.violation():.3g} times its value, so this is not a flight; use checks="certified" for one.'
+        )
+    elif optimised:
+        status = f"Solved: limits hold in continuous time, on {size} intervals."
+    else:
+        status = (
+            "Feasible, not optimal: limits hold in continuous time near the central path, but the optimiser found "
+            f"nothing better on {size} intervals{ended}; {way_out}."
+        )
+    return FlatSolution(
+        time=math.inf if flight is None else flight.duration,
+        status=status,
+        converged=flight is not None,
+        optimised=flight is not None and optimised,
+        iterations=iterate.iterations,
+        solve_time=time.perf_counter() - begun,
+        trajectory=flight,
+        violation=math.inf if flight is None else flight.violation(),
+        intervals=size,
+    )

@@ -16,14 +16,18 @@ class Status(StrEnum):
 
     SOLVED = "Solved: the flight is certified within its limits in continuous time."
     BEST_KNOWN = "Solved: these actions replay in the environment to the goal; no flight in fewer steps was found."
+    FEASIBLE = (
+        "Feasible, not optimal: the flight is certified within its limits in continuous time, but the optimiser "
+        "found none better than near the central path; try another number of intervals, or another method."
+    )
+    INFEASIBLE = "Not solved: no flight of this scenario exists."
     NOT_CONVERGED = (
         "Not solved: the optimiser did not converge from any start; try more starts or other windings, "
         "and check that goal and hoops can be reached between floor and ceiling."
     )
     NOT_CERTIFIED = (
         "Not solved: the optimiser converged, but its fastest flight breaks a limit between the nodes, as the "
-        "certificate says; solve again with more nodes or intervals. A body with a radius meets the rims of its "
-        "hoops unseen by the optimiser: give the hoops a smaller diameter instead."
+        "certificate says; solve again with more nodes or intervals."
     )
     LIMITS_AT_NODES_ONLY = (
         "Not a flight: limits hold at the grid nodes only, as published; see the certificate for the violation "
@@ -39,7 +43,7 @@ class SolveFailed(RuntimeError):
 
     def __init__(self, problem: Scenario, result: Any) -> None:
         self.problem, self.result = problem, result
-        super().__init__(f"{problem.name!r}: {result.status}")
+        super().__init__(" ".join(filter(None, [f"{problem.name!r}: {result.status}", result.reason])))
 
 
 @dataclass(frozen=True)
@@ -48,8 +52,8 @@ class Solution:
 
     Attributes:
         scenario: what was to be flown.
-        method: "shooting" or "flat".
-        time: flight time from rest to rest [s]; inf unless `status` says solved.
+        method: "shooting", "flat" or "pontryagin".
+        time: flight time from rest to rest [s]; inf unless `status` says solved, or feasible.
         status: how the solve ended, a sentence.
         winding: whole turns of the tilt between start and goal.
         trajectory: the flight; None where there is none.
@@ -58,6 +62,7 @@ class Solution:
         solve_time: wall time of the whole solve [s].
         starts: starts tried, over all windings.
         agreed: how many of them ended within 1e-4 of the best time.
+        reason: where there is no flight, what stands in its way; else empty.
     """
 
     scenario: Scenario
@@ -71,6 +76,7 @@ class Solution:
     solve_time: float
     starts: int
     agreed: int
+    reason: str = ""
 
     @property
     def solved(self) -> bool:

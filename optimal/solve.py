@@ -6,19 +6,20 @@ import difflib
 import math
 import time
 from collections.abc import Sequence
-
-import numpy as np
+from dataclasses import replace
 
 from flatgym.catalogue import ScenarioLike, scenario
 from flatgym.scenario import Scenario
 from optimal.certificate import certify
-from optimal.planning import paper_outer_paths, plan
-from optimal.shooting import NODES, WINDINGS, shoot
+from optimal.costates import report
+from optimal.feasibility import impossible, suspect, too_far
+from optimal.search import AGREEMENT, STARTS, Search, search
+from optimal.shooting import NODES, WINDINGS
 from optimal.solution import Solution, SolveFailed, Status
 
-METHODS = ("shooting", "flat")
-AGREEMENT = 1e-4
-"""Two flight times closer than this, relatively, are the same optimum."""
+METHODS = ("shooting", "flat", "pontryagin")
+FLYABLE = (Status.SOLVED, Status.FEASIBLE, Status.LIMITS_AT_NODES_ONLY)
+"""How a solve may end that has something to show."""
 
 
 def solve(
@@ -26,7 +27,7 @@ def solve(
     method: str = "shooting",
     *,
     windings: Sequence[int] = WINDINGS,
-    starts: int = 1,
+    starts: int = STARTS,
     seed: int = 0,
     nodes: int = NODES,
     checks: str = "certified",
@@ -37,19 +38,20 @@ def solve(
 
     Args:
         problem: a scenario or its name.
-        method: "shooting" (direct multiple shooting with the exact step) or "flat" (the paper's
-            eq. (10) with its own outer paths).
-        windings: whole turns to try; shooting only.
+        method: "shooting" (direct multiple shooting with the exact step), "flat" (the paper's eq. (10),
+            between its own outer paths where it prints some, else automatic ones) or "pontryagin" (the
+            indirect road of the paper's reference [8]; no hoops, floor or ceiling).
+        windings: whole turns to try; not flat.
         starts: starts for each winding, the first plain and the others drawn; shooting only.
         seed: seed of the drawn starts.
         nodes: steps of the whole flight; shooting only.
         checks: "certified", or "nodes" for the flat road as published; flat only.
-        intervals: pieces of the flat functions; None takes `plan`'s; flat only.
+        intervals: pieces of the flat functions on the first grid, None for `plan`'s; flat only.
         throw: raise SolveFailed rather than return a solution that is not solved.
 
     Raises:
         SolveFailed: with the problem and the result, when no certified flight was found.
-        ValueError: for an unknown scenario or method, or a scenario the paper has no outer paths for.
+        ValueError: for an unknown scenario or method, or a scenario the method cannot take, saying why.
     """
     task = scenario(problem)
     if method not in METHODS:
@@ -59,64 +61,103 @@ def solve(
     begun = time.perf_counter()
     if method == "flat":
         solution = _flat(task, checks, intervals, begun)
+    elif method == "pontryagin":
+        solution = _pontryagin(task, windings, begun)
     else:
         solution = _shooting(task, windings, starts, seed, nodes, begun)
-    if throw and solution.status not in (Status.SOLVED, Status.LIMITS_AT_NODES_ONLY):
+    if throw and solution.status not in FLYABLE:
         raise SolveFailed(task, solution)
     return solution
 
 
 def _shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int, nodes: int, begun: float) -> Solution:
-    if not windings or starts < 1:
-        raise ValueError(f"needs at least one winding and one start, got windings={windings!r}, starts={starts!r}")
-    generator = np.random.default_rng(seed)
-    shots = [
-        shoot(task, winding, nodes=nodes, generator=generator if i else None)
-        for i in range(starts)
-        for winding in windings
-    ]
-    good = sorted((shot for shot in shots if shot.converged), key=lambda shot: shot.trajectory.duration)
+    reason, distance = impossible(task), too_far(task)
+    found = Search() if reason or distance else search(task, windings=windings, starts=starts, seed=seed, nodes=nodes)
     # Only the fastest counts: a slower flight that is certified would not be the optimum.
-    chosen = good[0] if good else None
+    chosen = found.shots[0] if found.shots else None
     certificate = certify(chosen.trajectory if chosen else None, task)
-    status = Status.NOT_CONVERGED if not good else Status.SOLVED if certificate.holds() else Status.NOT_CERTIFIED
-    duration = chosen.trajectory.duration if chosen and status is Status.SOLVED else math.inf
+    if chosen:
+        certificate = replace(certificate, hamiltonian_drift=report(chosen, task).hamiltonian_drift)
+        status = Status.SOLVED if certificate.holds() else Status.NOT_CERTIFIED
+    else:
+        status = Status.INFEASIBLE if reason else Status.NOT_CONVERGED
+        reason = reason or distance or suspect(task)
     return Solution(
         scenario=task,
         method="shooting",
-        time=duration,
+        time=chosen.trajectory.duration if chosen and status is Status.SOLVED else math.inf,
         status=status,
         winding=chosen.winding if chosen else 0,
         trajectory=chosen.trajectory if chosen else None,
         certificate=certificate,
-        iterations=sum(shot.iterations for shot in shots),
+        iterations=found.iterations,
         solve_time=time.perf_counter() - begun,
-        starts=len(shots),
-        agreed=sum(shot.trajectory.duration <= good[0].trajectory.duration * (1 + AGREEMENT) for shot in good),
+        starts=found.starts,
+        agreed=found.agreed,
+        reason=reason,
     )
 
 
+# The two other roads lean on SciPy, which takes longer to import than all the rest together.
+
+
 def _flat(task: Scenario, checks: str, intervals: int | None, begun: float) -> Solution:
-    outer_paths = paper_outer_paths(task)
-    found = plan(outer_paths.paths, task.quadrotor, ends=outer_paths.ends, intervals=intervals, checks=checks)
+    from optimal.corridors import corridor, is_printed, paper_corridor
+    from optimal.planning import INTERVALS, plan
+
+    outer_paths = paper_corridor(task) if is_printed(task) else corridor(task)
+    found = plan(
+        outer_paths.paths, task.quadrotor, ends=outer_paths.ends, checks=checks, intervals=intervals or INTERVALS
+    )
     certificate = certify(found.trajectory, task)
     if not found.converged:
         status = Status.NOT_CONVERGED
     elif checks == "nodes":
         status = Status.LIMITS_AT_NODES_ONLY
+    elif not certificate.holds():
+        status = Status.NOT_CERTIFIED
     else:
-        status = Status.SOLVED if certificate.holds() else Status.NOT_CERTIFIED
-    trusted = status in (Status.SOLVED, Status.LIMITS_AT_NODES_ONLY)
+        status = Status.SOLVED if found.optimised else Status.FEASIBLE
+    flight = found.trajectory
     return Solution(
         scenario=task,
         method="flat",
-        time=found.time if trusted else math.inf,
+        time=found.time if status in FLYABLE else math.inf,
         status=status,
-        winding=0,
-        trajectory=found.trajectory,
+        winding=0 if flight is None else round(float(flight.state(flight.duration)[4]) / (2 * math.pi)),
+        trajectory=flight,
         certificate=certificate,
         iterations=found.iterations,
         solve_time=time.perf_counter() - begun,
         starts=1,
-        agreed=int(trusted),
+        agreed=int(status in FLYABLE),
+        reason="" if status in FLYABLE else found.status,
+    )
+
+
+def _pontryagin(task: Scenario, windings: Sequence[int], begun: float) -> Solution:
+    from optimal.pontryagin import pontryagin
+
+    extremals = [pontryagin(task, winding) for winding in windings]
+    if not extremals:
+        raise ValueError(f"needs at least one winding, got windings={windings!r}")
+    best = min(extremals, key=lambda extremal: extremal.time)
+    certificate = replace(certify(best.trajectory, task), hamiltonian_drift=best.hamiltonian_drift)
+    if not best.converged:
+        status = Status.NOT_CONVERGED
+    else:
+        status = Status.SOLVED if certificate.holds() else Status.NOT_CERTIFIED
+    return Solution(
+        scenario=task,
+        method="pontryagin",
+        time=best.time if status is Status.SOLVED else math.inf,
+        status=status,
+        winding=best.winding,
+        trajectory=best.trajectory,
+        certificate=certificate,
+        iterations=sum(extremal.evaluations for extremal in extremals),
+        solve_time=time.perf_counter() - begun,
+        starts=len(extremals),
+        agreed=sum(extremal.time <= best.time * (1 + AGREEMENT) for extremal in extremals),
+        reason="" if status is Status.SOLVED else best.message,
     )

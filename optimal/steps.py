@@ -34,7 +34,9 @@ from flatgym.scene import GOAL
 from optimal import transcription as tr
 from optimal.bounds import projection_bound
 from optimal.certificate import crossing_times
-from optimal.shooting import WINDINGS, Shot, shoot
+from optimal.feasibility import impossible
+from optimal.search import search
+from optimal.shooting import WINDINGS, Shot
 from optimal.solution import SolveFailed, Status
 
 HOOP_MARGIN = 1e-5
@@ -59,6 +61,7 @@ class FewestSteps:
         lower_bound: fewer steps than this are impossible for any flight.
         proven: whether lower_bound = steps.
         status: how the search ended, a sentence.
+        reason: where there is no flight, what stands in its way, as far as known; else empty.
     """
 
     scenario: Scenario
@@ -69,6 +72,7 @@ class FewestSteps:
     tolerance_used: float
     lower_bound: int
     status: Status
+    reason: str = ""
 
     @property
     def proven(self) -> bool:
@@ -89,8 +93,8 @@ def fewest_steps(problem: ScenarioLike, *, windings: Sequence[int] = WINDINGS, t
         ValueError: for an unknown scenario.
     """
     target = scenario(problem)
-    shots = [shoot(target, winding, tolerant=True) for winding in windings]
-    shots = sorted((shot for shot in shots if shot.converged), key=lambda shot: shot.trajectory.duration)
+    reason = impossible(target)
+    shots = () if reason else search(target, windings=windings, tolerant=True).shots
     bound = math.ceil(projection_bound(target, target.tolerance) / target.dt - 1e-9)
     if shots:
         first = math.ceil(shots[0].trajectory.duration / target.dt - 1e-9)
@@ -101,10 +105,22 @@ def fewest_steps(problem: ScenarioLike, *, windings: Sequence[int] = WINDINGS, t
                     if found is not None:
                         return FewestSteps(target, count, *found, bound, Status.BEST_KNOWN)
     nothing = np.zeros((0, 2), np.float32)
-    result = FewestSteps(target, math.inf, nothing, np.zeros((0, 5)), 0, math.inf, bound, Status.NO_STEPS_FOUND)
+    status = Status.INFEASIBLE if reason else Status.NO_STEPS_FOUND
+    if bound > target.max_steps:
+        status, reason = Status.INFEASIBLE, _too_late(target, bound)
+    elif not reason and shots:
+        reason = f"The fastest flight found takes {shots[0].trajectory.duration:.4g} s of {target.time_limit:g} s."
+    result = FewestSteps(target, math.inf, nothing, np.zeros((0, 5)), 0, math.inf, bound, status, reason)
     if throw:
         raise SolveFailed(target, result)
     return result
+
+
+def _too_late(target: Scenario, bound: int) -> str:
+    return (
+        f"Any flight needs at least {bound} steps of {target.dt} s, and time_limit = {target.time_limit} s allows "
+        f"{target.max_steps}; raise it."
+    )
 
 
 def _fly_in(target: Scenario, shot: Shot, count: int) -> tuple[NDArray[np.float32], Array, int, float] | None:
@@ -190,8 +206,7 @@ def _first_guess(target: Scenario, shot: Shot, crossings: Sequence[int], count: 
     """Return the free-time flight, sampled at `count` even steps, as a start for `program`."""
     flight = shot.trajectory
     time = np.linspace(0.0, flight.duration, count + 1)
-    states = flight.state(time)
-    thrust = np.mean([flight.control(time[:-1] + share * time[1])[:, 0] for share in (0.25, 0.5, 0.75)], axis=0)
+    states, thrust = tr.resampled(flight, time)
     controls = np.stack([thrust, np.diff(states[:, 4]) / time[1]], axis=-1)
     copies = [np.append(np.append(states[j], controls[j]), target.dt / 2) for j in crossings]
     return np.concatenate([[1.0], states.ravel(), controls.ravel(), *copies])

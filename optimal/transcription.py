@@ -16,6 +16,7 @@ import numpy as np
 
 from flatgym.quadrotor import Array, exact_step
 from flatgym.scenario import Scenario
+from optimal.trajectory import Flight
 
 IPOPT: dict[str, Any] = {
     "ipopt.tol": 1e-9,
@@ -31,6 +32,10 @@ IPOPT: dict[str, Any] = {
 """Settings of every program: no relaxed bounds, so that a solution keeps the limits to the bit."""
 
 SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+
+
+RIM_POINTS = 4
+"""Points of an arc at which the distance to a rim is constrained."""
 
 
 class _Symbols:
@@ -132,6 +137,34 @@ def legs(scenario: Scenario) -> tuple[Array, Array]:
     """Return the points start, hoop centres, goal, shape (P+1, 2), and the leg lengths [m], shape (P,)."""
     points = np.array([scenario.start, *((hoop.x, hoop.z) for hoop in scenario.hoops), scenario.goal])
     return points, np.maximum(np.hypot(*np.diff(points, axis=0).T), 0.1)
+
+
+def rim_parameters(scenario: Scenario) -> Array:
+    """Return both rim points [x, z, x, z] of each hoop [m], shape (4, H)."""
+    halves = [hoop.diameter / 2 * hoop.across for hoop in scenario.hoops]
+    ends = [[*(hoop.centre - half), *(hoop.centre + half)] for hoop, half in zip(scenario.hoops, halves, strict=True)]
+    return np.array(ends).reshape(-1, 4).T
+
+
+def rim_distances(arc: Any, gravity: Any, rims: Any) -> Any:
+    """Return the squared distances of an arc's quarter points to two rim points, shape (2 RIM_POINTS,).
+
+    Args:
+        arc: [state, h, thrust, rate], shape (8,).
+        gravity: gravitational acceleration.
+        rims: [x, z, x, z] of the two rim points, shape (4,).
+    """
+    found = []
+    for i in range(RIM_POINTS):
+        place = step_function()(arc[:5], arc[6:], arc[5] * i / RIM_POINTS, gravity)[:2]
+        found += [ca.sumsqr(place - rims[:2]), ca.sumsqr(place - rims[2:])]
+    return ca.vertcat(*found)
+
+
+def resampled(flight: Flight, time: Array) -> tuple[Array, Array]:
+    """Return a flight's states at times (n+1,) [s], shape (n+1, 5), and its mean thrusts between them, shape (n,)."""
+    states, dt = flight.state(time), np.diff(time)
+    return states, np.mean([flight.control(time[:-1] + share * dt)[:, 0] for share in (0.25, 0.5, 0.75)], axis=0)
 
 
 def guess_states(scenario: Scenario, share: Array, duration: float, winding: int, bend: Array) -> Array:

@@ -1,117 +1,152 @@
-"""The printed outer paths: exact derivatives, rest at the ends, corridors where they should be."""
+"""Paths: exact derivatives of any order, one curve in many forms, rest at the ends, no standing still inside."""
 
 from __future__ import annotations
 
-import dataclasses
+import math
 
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
+from numpy.typing import ArrayLike
 
-from flatgym.catalogue import SCENARIOS
-from flatgym.quadrotor import Quadrotor
-from flatgym.scenario import Hoop, Scenario
-from optimal.paths import PolynomialPath, end_weights, hoop_paths, level_paths, paper_outer_paths
+from flatgym.quadrotor import Array
+from optimal.paths import BezierPath, BSplinePath, Path, PolynomialPath, Resting, require_regular, smoothstep
 
-PRINTED = ["horizontal-3", "horizontal-6", "horizontal-9", "horizontal-12", "horizontal-15", "ground-6", "diagonal"]
-PRINTED += ["hoop"]
-
-
-@pytest.mark.parametrize("name", PRINTED)
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_derivatives_agree_with_finite_differences(name: str, order: int) -> None:
-    s, h = np.linspace(0.01, 0.99, 50), 1e-5
-    for path in paper_outer_paths(SCENARIOS[name]).paths:
-        difference = (path(s + h, order - 1) - path(s - h, order - 1)) / (2 * h)
-        np.testing.assert_allclose(path(s, order), difference, atol=1e-6 * np.abs(path(s, order)).max() + 1e-9)
-
-
-@pytest.mark.parametrize("name", PRINTED)
-def test_every_path_is_at_rest_and_without_sideways_acceleration_at_its_ends(name: str) -> None:
-    for path in paper_outer_paths(SCENARIOS[name]).paths:
-        np.testing.assert_allclose(path([0.0, 1.0], 1), 0, atol=1e-9)
-        np.testing.assert_allclose(path([0.0, 1.0], 2)[:, 0], 0, atol=1e-9)
+POINTS = ((0.0, 0.0, 0.0, 1.0), (1.0, 3.0, -1.0, 0.0), (2.0, -1.0, 4.0, 0.5), (5.0, 1.0, 1.0, 2.0))
+"""Four points of the spatial quadrotor's outputs x, y, z, yaw."""
+CUBIC = PolynomialPath(((0.0, 3.0, -1.0, 2.0), (1.0, -2.0), (0.5, 0.0, 4.0)))
+PATHS: dict[str, Path] = {
+    "polynomial": CUBIC,
+    "bezier": BezierPath(POINTS),
+    "spline": BSplinePath((*POINTS, *POINTS, *POINTS), 5),
+    "uneven spline": BSplinePath((*POINTS, *POINTS), 5, (0, 0, 0, 0, 0, 0, 0.2, 0.7, 1, 1, 1, 1, 1, 1)),
+    "resting polynomial": Resting(CUBIC, 3),
+    "resting spline": Resting(BSplinePath((*POINTS, *POINTS), 5), 2),
+}
 
 
-@pytest.mark.parametrize("name", PRINTED)
-def test_end_weights_lead_from_start_to_goal(name: str) -> None:
-    task = SCENARIOS[name]
-    (first, second), weights = paper_outer_paths(task)
-    for s, p, point in zip((0.0, 1.0), weights, (task.start, task.goal), strict=True):
-        np.testing.assert_allclose(p * first(s) + (1 - p) * second(s), point, atol=1e-12)
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize("path", PATHS.values(), ids=PATHS.keys())
+def test_derivatives_agree_with_finite_differences(path: Path, order: int) -> None:
+    s, h = np.linspace(0.013, 0.987, 40), 1e-5
+    difference = (path(s + h, order - 1) - path(s - h, order - 1)) / (2 * h)
+    np.testing.assert_allclose(difference, path(s, order), atol=1e-5 * np.abs(path(s, order)).max() + 1e-9)
 
 
-@pytest.mark.parametrize(
-    ("name", "heights", "ends"),
-    [("horizontal-6", (-1, 1), (0.5, 0.5)), ("ground-6", (0, 1), (1, 1)), ("diagonal", (0, 5), (1, 0))],
-)
-def test_level_corridors_are_the_printed_ones(
-    name: str, heights: tuple[float, float], ends: tuple[float, float]
-) -> None:
-    found = paper_outer_paths(SCENARIOS[name])
-    assert found.ends == ends
-    for path, height in zip(found.paths, heights, strict=True):
-        np.testing.assert_array_equal(path(np.linspace(0, 1, 5))[:, 1], height)
-
-
-def test_the_hoop_corridor_narrows_to_the_hoop() -> None:
-    upper, lower = hoop_paths()
-    s = np.linspace(0, 1, 201)
-    gap = (upper(s) - lower(s))[:, 1]
-    np.testing.assert_allclose(upper(0.5), [2.5, 2.75], atol=1e-12)
-    np.testing.assert_allclose(lower(0.5), [2.5, 2.25], atol=1e-12)
-    assert gap.argmin() == 100
-    assert gap.min() == pytest.approx(0.5)
-
-
-def test_a_batch_of_any_shape_answers_as_its_elements() -> None:
-    path = hoop_paths()[0]
+@pytest.mark.parametrize("path", PATHS.values(), ids=PATHS.keys())
+def test_a_batch_of_any_shape_answers_as_its_elements(path: Path) -> None:
     s = np.linspace(0, 1, 6).reshape(2, 3)
-    assert path(0.3).shape == (2,)
-    assert path(s, 2).shape == (2, 3, 2)
-    np.testing.assert_array_equal(path(s, 3)[1, 2], path(s[1, 2], 3))
+    coordinates = path(0.3).shape[0]
+    assert path(s, 2).shape == (2, 3, coordinates)
+    np.testing.assert_allclose(path(s, 3)[1, 2], path(s[1, 2], 3), rtol=1e-12, atol=1e-9)
 
 
-def test_paths_move_with_the_start_and_turn_with_the_goal() -> None:
-    left = Scenario("left", (1.0, 2.0), (-3.0, -1.0))
-    (low, high), ends = paper_outer_paths(left)
-    np.testing.assert_allclose([low(0.0), high(1.0)], [[1.0, -2.0], [-3.0, 3.0]], atol=1e-12)
-    np.testing.assert_allclose(ends, (0.2, 0.8))
+@pytest.mark.parametrize("path", PATHS.values(), ids=PATHS.keys())
+def test_orders_beyond_the_degree_are_zero_and_negative_ones_refused(path: Path) -> None:
+    if not isinstance(path, Resting):
+        np.testing.assert_array_equal(path([0.0, 0.4, 1.0], 7), 0)
+    with pytest.raises(ValueError, match="at least 0, got -1"):
+        path(0.5, -1)
 
 
-def test_floor_and_ceiling_cut_the_corridor() -> None:
-    low, high = paper_outer_paths(dataclasses.replace(SCENARIOS["horizontal-6"], floor=-0.25, ceiling=0.5)).paths
-    assert low(0.5)[1] == -0.25
-    assert high(0.5)[1] == 0.5
+def test_a_bezier_curve_is_its_bernstein_polynomial_and_a_spline_without_inner_knots() -> None:
+    s = Polynomial([0.0, 1.0])
+    rows = sum(np.outer(p, np.pad((math.comb(3, j) * s**j * (1 - s) ** (3 - j)).coef, (0, 0)))
+               for j, p in enumerate(POINTS))  # fmt: skip
+    same = [BezierPath(POINTS), BSplinePath(POINTS, 3), PolynomialPath(tuple(map(tuple, rows)))]
+    for order in range(5):
+        first, *others = (path(np.linspace(0, 1, 9), order) for path in same)
+        for other in others:
+            np.testing.assert_allclose(other, first, atol=1e-11)
 
 
-@pytest.mark.parametrize("name", ["climb", "drop"])
-def test_vertical_flights_are_refused_with_a_reason(name: str) -> None:
-    with pytest.raises(ValueError, match=f"'{name}'.*vertical"):
-        paper_outer_paths(SCENARIOS[name])
+def test_a_spline_stays_where_its_points_are_and_ends_at_the_outer_ones() -> None:
+    spline = BSplinePath((*POINTS, *POINTS, *POINTS), 5)
+    low, high = np.min(POINTS, axis=0), np.max(POINTS, axis=0)
+    assert ((spline(np.linspace(0, 1, 501)) >= low) & (spline(np.linspace(0, 1, 501)) <= high)).all()
+    np.testing.assert_allclose(spline([0.0, 1.0]), [POINTS[0], POINTS[-1]], atol=1e-12)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4, 5])
+def test_resting_agrees_with_the_expanded_composition(order: int) -> None:
+    expanded = [Polynomial(row)(smoothstep(order)) for row in CUBIC.coefficients]
+    s = np.linspace(0, 0.5, 21)  # further on the expansion's large coefficients of both signs cost it digits
+    for derivative in range(6):
+        expected = np.stack([p.deriv(derivative)(s) for p in expanded], axis=-1)
+        np.testing.assert_allclose(
+            Resting(CUBIC, order)(s, derivative), expected, atol=1e-10 * max(1, np.abs(expected).max())
+        )
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_resting_curves_are_at_rest_at_both_ends_and_run_through_the_same_points(order: int) -> None:
+    path, resting = PATHS["bezier"], Resting(PATHS["bezier"], order)
+    for derivative in range(1, order):
+        np.testing.assert_allclose(resting([0.0, 1.0], derivative), 0, atol=1e-9)
+    assert np.abs(resting([0.0, 1.0], order)).min() > 0.1
+    np.testing.assert_allclose(resting([0.0, 0.5, 1.0]), path([0.0, 0.5, 1.0]), atol=1e-12)
+
+
+def test_smoothsteps_are_the_printed_ones() -> None:
+    np.testing.assert_allclose(smoothstep(3).coef, [0, 0, 0, 10, -15, 6], atol=1e-12)
+    np.testing.assert_allclose(smoothstep(2).coef, [0, 0, 3, -2], atol=1e-12)
+    with pytest.raises(ValueError, match="at least 1"):
+        smoothstep(0)
+    with pytest.raises(ValueError, match="at least 1"):
+        Resting(CUBIC, 0)
+
+
+def test_equal_paths_are_equal_values() -> None:
+    assert BSplinePath(POINTS, 2) == BSplinePath(POINTS, 2) != BSplinePath(POINTS, 3)
+    assert len({BezierPath(POINTS), BezierPath(POINTS), PolynomialPath(((0, 1),))}) == 2
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_regular_curves_may_rest_at_their_ends(order: int) -> None:
+    require_regular(Resting(CUBIC, order))
 
 
 @pytest.mark.parametrize(
-    "task",
+    ("path", "fault"),
     [
-        SCENARIOS["high-hoop"],
-        SCENARIOS["slalom"],
-        SCENARIOS["loop"],
-        dataclasses.replace(SCENARIOS["hoop"], floor=0.0),
-        dataclasses.replace(SCENARIOS["hoop"], quadrotor=Quadrotor(radius=0.1)),
-        dataclasses.replace(SCENARIOS["hoop"], hoops=(Hoop(2.5, 2.5, 0.4),)),
+        (PolynomialPath(((0.0, -0.6, 1.0), (0.0, -1.2, 2.0))), "0.3"),
+        (Resting(PolynomialPath(((0.0, -1.0, 1.0),)), 3), "0.5"),
+        (PolynomialPath(((0.0, 3 / 16, -3 / 4, 1.0),)), "0.25"),
+        (PolynomialPath(((1.0,), (2.0,))), "0.0005"),
+        (BSplinePath(((0, 0), (1, 0), (1, 0), (1, 0), (1, 0), (2, 1)), 2), "0.25"),
     ],
 )
-def test_hoops_other_than_the_papers_are_refused_with_a_reason(task: Scenario) -> None:
-    with pytest.raises(ValueError, match="only hoop flight"):
-        paper_outer_paths(task)
+def test_paths_that_stand_still_inside_are_refused_at_the_place(path: Path, fault: str) -> None:
+    with pytest.raises(ValueError, match=f"degenerate.* s = {fault}"):
+        require_regular(path)
 
 
-def test_bad_arguments_are_refused() -> None:
-    with pytest.raises(ValueError, match="must be at least 0, got -1"):
-        PolynomialPath((0.0, 1.0), (0.0,))(0.5, -1)
-    with pytest.raises(ValueError, match="x_distance is 0"):
-        level_paths((0, 0), 0.0, -1.0, 1.0)
-    with pytest.raises(ValueError, match="lower path"):
-        level_paths((0, 0), 1.0, 1.0, 1.0)
-    with pytest.raises(ValueError, match="does not lie between"):
-        end_weights(level_paths((0, 0), 1.0, -1.0, 1.0), (0, 2), (1, 0))
+def test_paths_of_no_number_are_refused() -> None:
+    class Lost:
+        def __call__(self, s: ArrayLike, order: int = 0) -> Array:
+            return np.full((*np.shape(s), 2), np.nan * order)
+
+    with pytest.raises(ValueError, match="not finite at s = 0"):
+        require_regular(Lost())
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: PolynomialPath(()), "one row for each coordinate"),
+        (lambda: PolynomialPath(((1.0,), ())), "one row for each coordinate"),
+        (lambda: PolynomialPath(((1.0, math.nan),)), "PolynomialPath.coefficients must be finite"),
+        (lambda: BezierPath(((0.0, 1.0),)), "at least two, got 1"),
+        (lambda: BezierPath(((0.0, 1.0), (0.0, math.inf))), "BezierPath.points must be rows of finite"),
+        (lambda: BezierPath(((0.0, 1.0), (0.0,))), "rows of equal length"),
+        (lambda: BSplinePath(POINTS), "below the 4 points, got 5"),
+        (lambda: BSplinePath(POINTS, 0), "at least 1"),
+        (lambda: BSplinePath(POINTS, 3, (0, 0, 1, 1)), "must be 8 for 4 points of degree 3, got 4"),
+        (lambda: BSplinePath(POINTS, 2, (0, 0, 0, 0, 1, 1, 1)), "must not decrease"),
+        (lambda: BSplinePath((*POINTS, *POINTS), 5, (0,) * 6 + (0.7, 0.2) + (1,) * 6), "must not decrease"),
+    ],
+)
+def test_bad_values_are_refused_by_name(make: object, message: str) -> None:
+    assert callable(make)
+    with pytest.raises(ValueError, match=message):
+        make()

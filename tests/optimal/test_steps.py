@@ -9,7 +9,7 @@ import pytest
 
 from flatgym import SCENARIOS, Hoop, Tolerance
 from flatgym.vector import FlatQuadVectorEnv
-from optimal import SolveFailed, fewest_steps
+from optimal import SolveFailed, Status, fewest_steps
 
 FOUND = {"horizontal-3": 44, "horizontal-6": 61, "horizontal-15": 94, "diagonal": 70}
 """Orientation from an independent search with a square tolerance; the round one may cost one step more."""
@@ -59,8 +59,8 @@ def test_finer_steps_are_no_slower():
 
 
 def test_no_flight_within_the_time_limit_is_said_not_guessed():
-    hurried = replace(SCENARIOS["horizontal-6"], time_limit=1.0)
-    with pytest.raises(SolveFailed, match="no flight was found") as failure:
+    hurried = replace(SCENARIOS["horizontal-6"], time_limit=1.1)
+    with pytest.raises(SolveFailed, match=r"no flight was found.*takes 1.202 s of 1.1 s") as failure:
         fewest_steps(hurried, windings=(0,))
     assert failure.value.problem == hurried
     result = fewest_steps(hurried, windings=(0,), throw=False)
@@ -72,3 +72,10 @@ def test_hoops_close_together_are_crossed_within_their_steps():
     scenario = replace(SCENARIOS["hoop"], hoops=(Hoop(2.4, 2.4, 0.5), Hoop(2.5, 2.5, 0.5)))
     result = fewest_steps(scenario, windings=(0,))
     assert result.steps >= fewest_steps("diagonal", windings=(0,)).steps
+
+
+def test_a_time_limit_below_the_bound_is_shown_to_be_impossible():
+    hurried = replace(SCENARIOS["horizontal-6"], time_limit=1.0)
+    result = fewest_steps(hurried, windings=(0,), throw=False)
+    assert result.status is Status.INFEASIBLE
+    assert "at least 54 steps of 0.02 s, and time_limit = 1.0 s allows 50" in result.reason

@@ -1,0 +1,155 @@
+"""The paper's Figs. 2 to 6 drawn from flights that keep all limits at all times.
+
+Fig. 2 explains the idea, y_r(s) = p_1(s) y_1(s) + p_2(s) y_2(s) between outer paths y_1 and y_2; Figs. 3, 4
+and 5 show the vehicle in equal time steps, Fig. 6 the controls of the flight of Fig. 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+
+import optimal
+from experiments import figures
+from experiments.figures import COLOURS, FAINT, INK, OUTLINE, Track
+from flatgym import SCENARIOS
+from flatgym.quadrotor import Array
+from optimal.corridors import paper_corridor
+from optimal.paths import BezierPath
+from optimal.solution import Solution
+
+WIDTH = 900
+"""Of every figure [px]."""
+STEP = 0.002
+"""Time between the drawn points of a flight [s]."""
+UPPER = BezierPath(((0.0, 1.6), (1.2, 3.0), (2.3, 1.9), (3.7, 0.7), (4.6, 3.1), (6.0, 2.8)))
+LOWER = BezierPath(((0.0, 0.7), (1.2, 0.6), (2.2, 1.4), (3.4, 0.7), (4.6, 0.1), (6.0, 1.6)))
+"""The outer paths y_1 and y_2 of Fig. 2 [m]; the paper draws its own without numbers."""
+WALLS = (
+    ((-0.4, 3.5), (-0.4, 2.6), (1.8, 2.6), (2.6, 2.2), (3.4, 2.2), (4.2, 3.0), (6.4, 3.0), (6.4, 3.5)),
+    ((-0.4, -0.1), (-0.4, 0.4), (1.2, 0.4), (2.0, 0.6), (2.8, 0.6), (3.6, 0.3), (6.4, 0.3), (6.4, -0.1)),
+)
+"""Its constrained environment: corners of the hatched areas [m]."""
+
+
+@lru_cache(maxsize=8)
+def solved(name: str, method: str) -> Solution:
+    """Return the solution of a case by one of the roads, once for all figures.
+
+    Raises:
+        SolveFailed: where the road finds no certified flight.
+    """
+    return optimal.solve(name, method=method)
+
+
+def track(name: str, method: str = "flat", words: str = "") -> Track:
+    """Return the flight of a case by one of the roads, to draw; its time stands behind the `words`."""
+    solution = solved(name, method)
+    assert solution.trajectory is not None
+    samples = solution.trajectory.sample(STEP)
+    return Track(f"{words}T = {solution.time:.4f} s", samples.time, samples.state, samples.control)
+
+
+def fig2() -> go.Figure:
+    """Return two outer paths in a constrained environment and the path between them, p_1 = 1 - sqrt(s)."""
+    s = np.linspace(0, 1, 401)
+    share = np.sqrt(s)[:, None]
+    upper, lower = UPPER(s), LOWER(s)
+    middle = (1 - share) * upper + share * lower
+    figure = go.Figure()
+    for wall in WALLS:
+        x, z = np.array([*wall, wall[0]]).T
+        figure.add_scatter(
+            x=x, y=z, mode="lines", fill="toself", hoverinfo="skip", name="wall",
+            line={"color": INK, "width": 1.5},
+            fillpattern={"shape": "/", "fgcolor": OUTLINE, "bgcolor": "white", "size": 9, "solidity": 0.15},
+        )  # fmt: skip
+    ribs = np.concatenate([np.array([upper[i], lower[i], [np.nan] * 2]) for i in range(0, 401, 40)])
+    _line(figure, ribs, "equal s", {"color": OUTLINE, "width": 1, "dash": "dot"})
+    for line, name, colour, width in (
+        (upper, "y<sub>1</sub>(s)", COLOURS[0], 2.0),
+        (lower, "y<sub>2</sub>(s)", COLOURS[2], 2.0),
+        (middle, "y<sub>r</sub>(s)", COLOURS[1], 3.0),
+    ):
+        _line(figure, line, name, {"color": colour, "width": width, "simplify": False})
+        at = 59  # amid two ribs
+        figure.add_annotation(
+            x=line[at, 0], y=line[at, 1], text=name, showarrow=False, yshift=14, font={"color": colour, "size": 15}
+        )
+    figure.add_scatter(
+        x=middle[::40, 0], y=middle[::40, 1], mode="markers", hoverinfo="skip", name="equal s",
+        marker={"size": 7, "color": COLOURS[1]},
+    )  # fmt: skip
+    figure.update_xaxes(title="x [m]", range=[-0.4, 6.4], constrain="domain", zeroline=False, dtick=1)
+    figure.update_yaxes(title="z [m]", range=[-0.1, 3.5], scaleanchor="x", constrain="domain", zeroline=False, dtick=1)
+    title = "Fig. 2: y<sub>r</sub> = (1 - √s) y<sub>1</sub> + √s y<sub>2</sub> stays between the outer paths"
+    return _sized(figures.layout(figure, title).update_layout(showlegend=False), 580)
+
+
+def fig3() -> go.Figure:
+    """Return the horizontal manoeuvre over 6 m, without and with the ground."""
+    cases = {"horizontal-6": "in free space, ", "ground-6": "above the ground, "}
+    tracks = [track(name, words=words) for name, words in cases.items()]
+    figure = figures.paths([SCENARIOS[name] for name in cases], tracks, "Fig. 3: horizontal manoeuvre, 6 m")
+    return _sized(figure, 520)
+
+
+def fig4() -> go.Figure:
+    """Return the general manoeuvre to (5, 5) m."""
+    figure = figures.paths(SCENARIOS["diagonal"], [track("diagonal")], "Fig. 4: general manoeuvre to (5, 5) m")
+    return _sized(figure, 860)
+
+
+def fig5() -> go.Figure:
+    """Return the manoeuvre to (5, 5) m through the hoop, between the outer paths."""
+    scenario, s = SCENARIOS["hoop"], np.linspace(0, 1, 401)
+    figure = figures.paths(scenario, [track("hoop")], "Fig. 5: manoeuvre to (5, 5) m through a hoop of 0.5 m")
+    upper, lower = (path(s) for path in paper_corridor(scenario).paths)
+    between = np.concatenate([upper, lower[::-1]])
+    figure.add_scatter(
+        x=between[:, 0], y=between[:, 1], mode="none", fill="toself", fillcolor=FAINT, opacity=0.4,
+        name="corridor", hoverinfo="skip",
+    )  # fmt: skip
+    figure.data = (figure.data[-1], *figure.data[:-1])  # below the flight
+    for line, name, at, shift in ((upper, "y<sub>1</sub>", 115, 22), (lower, "y<sub>2</sub>", 285, -22)):
+        _line(figure, line, "outer path", {"color": OUTLINE, "width": 1.5, "dash": "dash"})
+        figure.add_annotation(
+            x=line[at, 0], y=line[at, 1], text=name, showarrow=False, xshift=shift, font={"color": INK, "size": 15}
+        )
+    return _sized(figure, 860)
+
+
+def fig6() -> go.Figure:
+    """Return the controls of the manoeuvre through the hoop, by the paper's road and by shooting."""
+    tracks = [track("hoop", method, f"{method}, ") for method in ("flat", "shooting")]
+    return _sized(figures.controls(SCENARIOS["hoop"].quadrotor, tracks, "Fig. 6: controls through the hoop"), 560)
+
+
+FIGURES: dict[str, Callable[[], go.Figure]] = {
+    "figure-2": fig2,
+    "figure-3": fig3,
+    "figure-4": fig4,
+    "figure-5": fig5,
+    "figure-6": fig6,
+}
+"""The figures by the names of their files."""
+
+
+def write(folder: Path, progress: Callable[[], Any] = lambda: None) -> None:
+    """Write all figures as pages into a folder; `progress` is called after each."""
+    for name, draw in FIGURES.items():
+        figures.write(draw(), folder / f"{name}.html")
+        progress()
+
+
+def _line(figure: go.Figure, points: Array, name: str, style: dict[str, Any]) -> None:
+    figure.add_scatter(x=points[:, 0], y=points[:, 1], mode="lines", name=name, line=style, hoverinfo="skip")
+
+
+def _sized(figure: go.Figure, height: int) -> go.Figure:
+    return figure.update_layout(width=WIDTH, height=height)

@@ -1,0 +1,222 @@
+"""The solvers' own benchmark: right, from any start, at the promised order, and fast?
+
+    python -m experiments.solver_benchmark [--out FILE] [--quick] [--section NAME ...]
+
+Every section answers one question in plain rows; all of them, with command, versions, machine and
+wall times, make one JSON file. A further section is a function in SECTIONS.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+from rich.progress import Progress, TaskID
+
+import optimal
+from agents.evaluate import versions
+from experiments.files import SCHEMA, write_json
+from experiments.rockit_peer import rockit_solver
+from flatgym import SCENARIOS, Scenario
+from optimal.search import AGREEMENT
+from optimal.shooting import NODES, shoot
+
+REFERENCE_TIMES = {
+    "horizontal-3": 0.8987,
+    "horizontal-6": 1.23132,
+    "horizontal-9": 1.48822,
+    "horizontal-12": 1.70490,
+    "horizontal-15": 1.89584,
+    "ground-6": 1.23408,
+    "diagonal": 1.4112,
+    "hoop": 1.41143,
+    "climb": 1.30037,
+}
+"""T* [s] found by other code and finer grids before this project."""
+GOALS, STARTS, REACH = 100, 10, 10.0
+"""Random goals, random starts for each, and half the width of the square of goals [m]."""
+ORDER_CASES = (("horizontal-6", 0), ("diagonal", 0), ("climb", 1))
+ORDER_NODES, FINEST = (25, 50, 100, 200, 400), 1600
+PROCESSES = 2
+
+Row = dict[str, Any]
+Advance = Callable[[int, int], None]
+"""Called with what is done and what there is to do."""
+
+
+def references(quick: bool, advance: Advance) -> list[Row]:
+    """Is every named scenario solved and certified, at the time known from elsewhere?"""
+    names = ["horizontal-3", "climb"] if quick else list(SCENARIOS)
+    rows = []
+    for i, name in enumerate(names):
+        optimal.solve(name, throw=False)  # builds the programs, so that the time told is that of a warm solve
+        row = optimal.solve(name, throw=False).row()
+        known = REFERENCE_TIMES.get(name)
+        rows.append(row | {"reference_s": known, "deviation": row["time_s"] / known - 1 if known else None})
+        advance(i + 1, len(names))
+    return rows
+
+
+def starts(quick: bool, advance: Advance) -> list[Row]:
+    """How many random starts converge, and how many find the best time? One row a goal, then one for all."""
+    goals, each = (3, 3) if quick else (GOALS, STARTS)
+    generator = np.random.default_rng(0)
+    jobs = [joblib.delayed(starts_of)(random_goal(generator, i), each, seed=i) for i in range(goals)]
+    rows: list[Row] = []
+    for row in joblib.Parallel(n_jobs=PROCESSES, return_as="generator")(jobs):
+        rows.append(row)
+        advance(len(rows), goals)
+    total = {key: sum(row[key] for row in rows) for key in ("starts", "converged", "found_best", "solved")}
+    return [*rows, {"scenario": "all", **total}]
+
+
+def random_goal(generator: np.random.Generator, number: int) -> Scenario:
+    """Draw a goal in the square around the start, at least half a metre away."""
+    while True:
+        goal = generator.uniform(-REACH, REACH, 2)
+        if np.hypot(*goal) >= 0.5:
+            return Scenario(f"goal-{number}", (0.0, 0.0), (float(goal[0]), float(goal[1])))
+
+
+def starts_of(scenario: Scenario, count: int, seed: int) -> Row:
+    """Solve a scenario by the front door, then its best winding from `count` random starts; all drawn, none plain."""
+    solution = optimal.solve(scenario, throw=False)
+    generator = np.random.default_rng((1, seed))
+    shots = [shoot(scenario, solution.winding, generator=generator) for _ in range(count)]
+    times = [shot.trajectory.duration for shot in shots if shot.converged]
+    best = min([solution.time, *times])
+    return {
+        "scenario": scenario.name,
+        "goal_m": list(scenario.goal),
+        "winding": solution.winding,
+        "time_s": solution.time,
+        "best_s": best,
+        "starts": count,
+        "converged": len(times),
+        "found_best": sum(value <= best * (1 + AGREEMENT) for value in times),
+        "solved": int(solution.time <= best * (1 + AGREEMENT)),
+    }
+
+
+def orders(quick: bool, advance: Advance) -> list[Row]:
+    """At which order does the time converge with the grid? Regression of log error on log nodes."""
+    cases, nodes, finest = (ORDER_CASES[:1], (25, 50), 200) if quick else (ORDER_CASES, ORDER_NODES, FINEST)
+    rows: list[Row] = []
+    for i, (name, winding) in enumerate(cases):
+        limit = shoot(SCENARIOS[name], winding, nodes=finest).trajectory.duration
+        times = np.array([shoot(SCENARIOS[name], winding, nodes=n).trajectory.duration for n in nodes])
+        order = convergence_order(nodes, times - limit)
+        rows += [
+            {"scenario": name, "winding": winding, "nodes": n, "time_s": t, "error_s": t - limit, "order": order}
+            for n, t in zip(nodes, times.tolist(), strict=True)
+        ]
+        advance(i + 1, len(cases))
+    return rows
+
+
+def convergence_order(nodes: Sequence[int], errors: Any) -> float:
+    """Return the slope of -log |error| over log nodes by least squares."""
+    return float(-np.polyfit(np.log(nodes), np.log(np.abs(errors)), 1)[0])
+
+
+def speed(quick: bool, advance: Advance) -> list[Row]:
+    """How long does a warm solve take, ours and rockit's by turns, and how long does the import? Medians."""
+    runs, nodes, imports = (2, 10, 1) if quick else (30, NODES, 7)
+    scenario = SCENARIOS["horizontal-6"]
+    peer = rockit_solver(scenario, nodes)
+
+    def ours() -> tuple[float, int]:
+        shot = shoot(scenario, nodes=nodes)
+        return shot.trajectory.duration, shot.iterations
+
+    rows: list[Row] = []
+    solvers = {"shooting": ours, "rockit": peer}
+    clock: dict[str, list[float]] = {name: [] for name in solvers}
+    answers = {name: solve() for name, solve in solvers.items()}  # the first solve builds
+    for i in range(runs):
+        for name, solve in solvers.items():
+            begun = time.perf_counter()
+            answers[name] = solve()
+            clock[name].append(time.perf_counter() - begun)
+        advance(i + 1, runs + imports)
+    for name, taken in clock.items():
+        duration, iterations = answers[name]
+        rows.append({"what": name, "nodes": nodes, "time_s": duration, "iterations": iterations, **median(taken)})
+    taken = []
+    for i in range(imports):
+        begun = time.perf_counter()
+        subprocess.run([sys.executable, "-c", "import optimal"], check=True)
+        taken.append(time.perf_counter() - begun)
+        advance(runs + i + 1, runs + imports)
+    return [*rows, {"what": "import optimal", **median(taken)}]
+
+
+def median(taken: Sequence[float]) -> Row:
+    """Return median, least and number of wall times [s]."""
+    return {"median_s": statistics.median(taken), "least_s": min(taken), "runs": len(taken)}
+
+
+SECTIONS: dict[str, Callable[[bool, Advance], list[Row]]] = {
+    "references": references,
+    "starts": starts,
+    "orders": orders,
+    "speed": speed,
+}
+
+
+def run(sections: Sequence[str], *, quick: bool, command: str, bar: Progress) -> Row:
+    """Run sections of the benchmark.
+
+    Args:
+        sections: names in SECTIONS.
+        quick: small sizes, to see that everything runs.
+        command: what the user typed, for the record.
+        bar: shows how far the work is.
+
+    Returns:
+        What the results file holds.
+    """
+    begun = time.perf_counter()
+    results: Row = {
+        "schema": SCHEMA,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": command,
+        "quick": quick,
+        "versions": versions(),
+        "machine": {"processor": platform.machine(), "system": platform.system(), "cores": joblib.cpu_count()},
+        "sections": {},
+    }
+    for name in sections:
+        task: TaskID = bar.add_task(name, total=None)
+        section = time.perf_counter()
+        rows = SECTIONS[name](quick, lambda done, of, task=task: bar.update(task, completed=done, total=of))  # type: ignore[misc]
+        results["sections"][name] = {"rows": rows, "wall_time_s": time.perf_counter() - section}
+    return results | {"wall_time_s": time.perf_counter() - begun}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the script; see the module's docstring."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.solver_benchmark", description=__doc__.split("\n")[0])
+    parser.add_argument("--out", type=Path, default=Path("experiments/results/solvers.json"), help="the JSON to write")
+    parser.add_argument("--quick", action="store_true", help="small sizes, to see that everything runs")
+    parser.add_argument("--section", nargs="+", choices=list(SECTIONS), default=list(SECTIONS), help="which to run")
+    given = parser.parse_args(arguments)
+    command = " ".join(["python -m experiments.solver_benchmark", *(sys.argv[1:] if arguments is None else arguments)])
+    with Progress() as bar:
+        results = run(given.section, quick=given.quick, command=command, bar=bar)
+    write_json(given.out, results)
+    print(f"written to {given.out} after {results['wall_time_s']:.0f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""The paper's example: the planar quadrotor, flat with the output y = (x, z), eqs. (3)-(5).
+
+    f = |(x'', z'' + g)|,   theta = atan2(x'', z'' + g),
+    omega = (x''' (z'' + g) - x'' z''') / f^2.
+
+Misprint corrected: the paper prints the numerator as x'' (z'' + g) - x'' z''.
+
+In a program, tilt and thrust stand beside the jet, tied to it by x'' = f sin(theta) and
+z'' + g = f cos(theta), so that every limit is a box. It also makes the problem connected.
+Admissible thrust vectors fill a ring, 1 <= f <= 20; between two checks the vector could cut
+through its hole, turning by half a turn in no time. So between checks the tilt may turn by no more
+than rate_max times the time that passes, which every flight obeys.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from flatgym.quadrotor import Array, Quadrotor
+from optimal.systems.flat_system import FlatSystem, Jet, Lift, Symbol
+
+
+@dataclass(frozen=True)
+class PlanarQuadrotor(FlatSystem):
+    """The planar quadrotor of `flatgym` as a flat system.
+
+    Attributes:
+        quadrotor: the vehicle and its limits.
+    """
+
+    quadrotor: Quadrotor = field(default_factory=Quadrotor)
+
+    outputs = ("x_m", "z_m")
+    states = ("x_m", "z_m", "vx_mps", "vz_mps", "theta_rad")
+    inputs = ("thrust_mps2", "rate_radps")
+    order = 3
+    angles = (4,)
+
+    def dynamics(self, state: Symbol, control: Symbol) -> Symbol:
+        """Return eqs. (3)-(5)."""
+        thrust, tilt = control[0], state[4]
+        acceleration = ca.vertcat(thrust * ca.sin(tilt), thrust * ca.cos(tilt) - self.quadrotor.gravity)
+        return ca.vertcat(state[2], state[3], acceleration, control[1])
+
+    def output(self, state: Symbol) -> Symbol:
+        """Return the position."""
+        return state[:2]
+
+    def inverse(self, jet: Jet) -> tuple[Symbol, Symbol]:
+        """Return state and input in closed form."""
+        position, velocity, acceleration, jerk = jet
+        side, up = acceleration[0], acceleration[1] + self.quadrotor.gravity
+        square = side**2 + up**2
+        rate = (jerk[0] * up - side * jerk[1]) / square
+        return ca.vertcat(position, velocity, ca.atan2(side, up)), ca.vertcat(ca.sqrt(square), rate)
+
+    def limits(self) -> tuple[Array, Array, Array, Array]:
+        """Return the limits of thrust and rate; states are free."""
+        free = np.full(5, np.inf)
+        return -free, free, self.quadrotor.control_low, self.quadrotor.control_high
+
+    def lift(self) -> Lift:
+        """Return tilt and thrust as unknowns."""
+        return TiltAndThrust(self)
+
+
+class TiltAndThrust(Lift):
+    """Tilt and thrust as unknowns of a program."""
+
+    names = ("tilt", "thrust")
+
+    def __init__(self, system: PlanarQuadrotor) -> None:
+        super().__init__(system)
+        self.quadrotor = q = system.quadrotor
+        self.low, self.high = (-np.inf, q.thrust_min), (np.inf, q.thrust_max)
+        self.rest, self.guess = (0.0, np.nan), (0.0, q.gravity)
+
+    def ties(self, jet: Jet, lifted: Symbol) -> Symbol:
+        """Return eqs. (3) and (4), divided by gravity."""
+        tilt, thrust, q = lifted[0], lifted[1], self.quadrotor
+        missing = jet[2] - thrust * ca.vertcat(ca.sin(tilt), ca.cos(tilt)) + ca.DM([0.0, q.gravity])
+        return missing / q.gravity
+
+    def limited(self, jet: Jet, lifted: Symbol) -> Symbol:
+        """Return thrust and rate over their limits; the rate by projecting the jerk across the thrust."""
+        tilt, thrust, q = lifted[0], lifted[1], self.quadrotor
+        rate = (jet[3][0] * ca.cos(tilt) - jet[3][1] * ca.sin(tilt)) / thrust
+        return ca.vertcat(thrust / q.thrust_max, rate / q.rate_max)
+
+    def turning_time(self, before: Symbol, after: Symbol) -> Symbol:
+        """Return the times the tilt needs to turn, in either direction."""
+        turn = (after[0] - before[0]) / self.quadrotor.rate_max
+        return ca.vertcat(turn, -turn)

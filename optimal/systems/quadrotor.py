@@ -1,0 +1,146 @@
+"""The full quadrotor, flat with the outputs y = (x, y, z, yaw) (section II-A, last example).
+
+With R = Rz(yaw) Ry(pitch) Rx(roll) from body to world and n = R e_z the direction of the thrust,
+
+    p'' = f n - g e_z,    R' = R [p, q, r]x,
+
+so that thrust and n follow from the acceleration, pitch and roll from n turned back by the yaw,
+
+    Rz(-yaw) n = (sin(pitch) cos(roll), -sin(roll), cos(pitch) cos(roll)),
+
+and the body rates from R' , a time derivative. The pitch may be any angle; |roll| stays below a
+quarter turn, where the yaw of a given R would be undetermined. Where R itself is asked for its yaw,
+the vehicle is taken to be upright. (Mellinger and Kumar 2011.)
+
+In a program, yaw, pitch, roll and thrust stand beside the jet; see `optimal.systems.planar_quadrotor`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from flatgym.quadrotor import Array
+from optimal.systems.flat_system import FlatSystem, Jet, Lift, Symbol, time_derivative
+
+CHORD = 1e-6
+"""What keeps the length of a turn smooth where there is none (a chord of 1e-3 rad)."""
+
+
+@dataclass(frozen=True)
+class FullQuadrotor(FlatSystem):
+    """A quadrotor in space, steered by thrust and body rates.
+
+    The state is position, velocity and the nine entries of R, column by column.
+
+    Attributes:
+        thrust_min, thrust_max: limits of the mass-normalised thrust [m/s^2].
+        rate_max: limit of each body rate, in either direction [rad/s].
+        gravity: gravitational acceleration [m/s^2].
+
+    Raises:
+        ValueError: for limits that leave no way to hover or to turn.
+    """
+
+    thrust_min: float = 1.0
+    thrust_max: float = 20.0
+    rate_max: float = 10.0
+    gravity: float = 9.81
+
+    outputs = ("x_m", "y_m", "z_m", "yaw_rad")
+    states = (
+        *("x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps"),
+        *(f"r{row}{column}" for column in "xyz" for row in "xyz"),
+    )
+    inputs = ("thrust_mps2", "roll_rate_radps", "pitch_rate_radps", "yaw_rate_radps")
+    order = 3
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.thrust_min <= self.gravity < self.thrust_max < np.inf:
+            raise ValueError(
+                "FullQuadrotor cannot hover: needs 0 <= thrust_min <= gravity < thrust_max < inf, got "
+                f"{self.thrust_min}, {self.gravity}, {self.thrust_max}"
+            )
+        if not 0 < self.rate_max < np.inf:
+            raise ValueError(f"FullQuadrotor.rate_max must be positive and finite, got {self.rate_max!r}")
+
+    def dynamics(self, state: Symbol, control: Symbol) -> Symbol:
+        """Return velocity, thrust and gravity, and R [rates]x."""
+        attitude = ca.reshape(state[6:], 3, 3)
+        acceleration = control[0] * attitude[:, 2] - ca.DM([0, 0, self.gravity])
+        return ca.vertcat(state[3:6], acceleration, ca.vec(attitude @ ca.skew(control[1:])))
+
+    def output(self, state: Symbol) -> Symbol:
+        """Return position and yaw; the vehicle is taken to be upright."""
+        return ca.vertcat(state[:3], ca.atan2(state[7], state[6]))
+
+    def inverse(self, jet: Jet) -> tuple[Symbol, Symbol]:
+        """Return state and input: thrust and attitude in closed form, rates as time derivatives."""
+        push = jet[2][:3] + ca.DM([0, 0, self.gravity])
+        thrust, yaw = ca.norm_2(push), jet[0][3]
+        direction = _about_z(-yaw) @ push / thrust
+        cos_roll = ca.sqrt(direction[0] ** 2 + direction[2] ** 2)
+        attitude = _attitude(yaw, direction[0] / cos_roll, direction[2] / cos_roll, -direction[1], cos_roll)
+        turning = ca.reshape(time_derivative(ca.vec(attitude), jet), 3, 3)
+        rates = ca.inv_skew(attitude.T @ turning)
+        return ca.vertcat(jet[0][:3], jet[1][:3], ca.vec(attitude)), ca.vertcat(thrust, rates)
+
+    def limits(self) -> tuple[Array, Array, Array, Array]:
+        """Return the limits of thrust and rates; states are free."""
+        free, rates = np.full(15, np.inf), np.full(3, float(self.rate_max))
+        return -free, free, np.append(self.thrust_min, -rates), np.append(self.thrust_max, rates)
+
+    def lift(self) -> Lift:
+        """Return the attitude and the thrust as unknowns."""
+        return Attitude(self)
+
+
+class Attitude(Lift):
+    """Yaw, pitch, roll and thrust as unknowns of a program."""
+
+    names = ("yaw", "pitch", "roll", "thrust")
+
+    def __init__(self, system: FullQuadrotor) -> None:
+        super().__init__(system)
+        self.quadrotor = system
+        self.low = (-np.inf, -np.inf, -1.5, system.thrust_min)
+        self.high = (np.inf, np.inf, 1.5, system.thrust_max)
+        self.rest, self.guess = (np.nan, 0.0, 0.0, np.nan), (0.0, 0.0, 0.0, system.gravity)
+
+    def ties(self, jet: Jet, lifted: Symbol) -> Symbol:
+        """Return the difference of the yaws, and p'' + g e_z - f n divided by gravity."""
+        push = jet[2][:3] + ca.DM([0, 0, self.quadrotor.gravity])
+        missing = push - lifted[3] * self._attitude(lifted)[:, 2]
+        return ca.vertcat(jet[0][3] - lifted[0], missing / self.quadrotor.gravity)
+
+    def limited(self, jet: Jet, lifted: Symbol) -> Symbol:
+        """Return thrust and body rates over their limits: the jerk is f' n + f (q x_body - p y_body)."""
+        pitch, roll, thrust = lifted[1], lifted[2], lifted[3]
+        across = self._attitude(lifted).T @ jet[3][:3] / thrust
+        yaw_rate = (jet[1][3] * ca.cos(pitch) - across[0] * ca.sin(roll)) / ca.cos(roll)
+        rates = ca.vertcat(-across[1], across[0], yaw_rate) / self.quadrotor.rate_max
+        return ca.vertcat(thrust / self.quadrotor.thrust_max, rates)
+
+    def turning_time(self, before: Symbol, after: Symbol) -> Symbol:
+        """Return the time in which the thrust's direction, turning with two rates, can pass the chord."""
+        chord = self._attitude(after)[:, 2] - self._attitude(before)[:, 2]
+        return ca.sqrt(ca.sumsqr(chord) + CHORD) / (np.sqrt(2) * self.quadrotor.rate_max)
+
+    @staticmethod
+    def _attitude(lifted: Symbol) -> Symbol:
+        yaw, pitch, roll = lifted[0], lifted[1], lifted[2]
+        return _attitude(yaw, ca.sin(pitch), ca.cos(pitch), ca.sin(roll), ca.cos(roll))
+
+
+def _about_z(angle: Symbol) -> Symbol:
+    sin, cos = ca.sin(angle), ca.cos(angle)
+    return ca.vertcat(ca.horzcat(cos, -sin, 0), ca.horzcat(sin, cos, 0), ca.horzcat(0, 0, 1))
+
+
+def _attitude(yaw: Symbol, sin_pitch: Symbol, cos_pitch: Symbol, sin_roll: Symbol, cos_roll: Symbol) -> Symbol:
+    """Return R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    about_y = ca.vertcat(ca.horzcat(cos_pitch, 0, sin_pitch), ca.horzcat(0, 1, 0), ca.horzcat(-sin_pitch, 0, cos_pitch))
+    about_x = ca.vertcat(ca.horzcat(1, 0, 0), ca.horzcat(0, cos_roll, -sin_roll), ca.horzcat(0, sin_roll, cos_roll))
+    return _about_z(yaw) @ about_y @ about_x

@@ -1,0 +1,74 @@
+"""The paper's figures hold what they say: paths between outer paths, flights, limits."""
+
+import numpy as np
+import pytest
+
+from experiments import paper_figures
+from flatgym import SCENARIOS
+from optimal import solve
+from optimal.corridors import paper_corridor
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Every case flown by the shooting road in its first winding, which is quick."""
+    monkeypatch.setattr(paper_figures, "solved", lambda name, _: solve(name, windings=(0,), starts=1))
+
+
+def traces(figure, name):
+    return [trace for trace in figure.data if trace.name == name]
+
+
+def test_figure_2_combines_its_outer_paths_and_clears_the_walls():
+    figure = paper_figures.fig2()
+    upper, lower, middle = (
+        np.array([trace.x, trace.y]) for i in "12r" for trace in traces(figure, f"y<sub>{i}</sub>(s)")
+    )
+    share = np.sqrt(np.linspace(0, 1, upper.shape[1]))
+    np.testing.assert_allclose(middle, (1 - share) * upper + share * lower, atol=1e-12)
+    above, below = (np.array(wall).T for wall in paper_figures.WALLS)
+    for line in (upper, middle, lower):
+        assert (line[1] < np.interp(line[0], above[0, 1:-1], above[1, 1:-1])).all()
+        assert (line[1] > np.interp(line[0], below[0, 1:-1], below[1, 1:-1])).all()
+
+
+@pytest.mark.usefixtures("quick")
+def test_figure_3_has_the_ground_in_its_lower_panel_only():
+    figure = paper_figures.fig3()
+    assert [note.text.split(",")[0] for note in figure.layout.annotations] == ["in free space", "above the ground"]
+    floors = [shape for shape in figure.layout.shapes if shape.y0 == shape.y1 == 0]
+    assert [shape.yref for shape in floors] == ["y2"]
+    assert figure.layout.yaxis.scaleanchor == "x"
+
+
+@pytest.mark.usefixtures("quick")
+def test_figures_4_and_5_end_at_the_goal_and_5_stays_between_its_outer_paths():
+    for figure in (paper_figures.fig4(), paper_figures.fig5()):
+        flight = next(trace for trace in figure.data if trace.name.startswith("T = "))
+        np.testing.assert_allclose((flight.x[-1], flight.y[-1]), (5, 5), atol=1e-9)
+        assert figure.layout.xaxis.range == pytest.approx(figure.layout.yaxis.range)
+    drawn = traces(figure, "outer path")
+    for line, path in zip(drawn, paper_corridor(SCENARIOS["hoop"]).paths, strict=True):
+        np.testing.assert_allclose((line.x[200], line.y[200]), path(0.5), atol=1e-12)
+    assert figure.data[0].name == "corridor"  # under everything else
+
+
+@pytest.mark.usefixtures("quick")
+def test_figure_6_compares_two_roads_within_the_limits():
+    figure = paper_figures.fig6()
+    assert {trace.name.split(",")[0] for trace in figure.data} == {"flat", "shooting"}
+    assert {shape.y0 for shape in figure.layout.shapes} == {1.0, 20.0, -10.0, 10.0}
+
+
+def test_the_flat_flight_is_drawn_from_rest_to_rest():
+    track = paper_figures.track("horizontal-6", words="flat, ")
+    assert track.name.startswith("flat, T = 1.23")
+    np.testing.assert_allclose(track.state[[0, -1]], [[0] * 5, [6, 0, 0, 0, 0]], atol=1e-8)
+
+
+@pytest.mark.usefixtures("quick")
+def test_all_figures_are_written(tmp_path):
+    done = []
+    paper_figures.write(tmp_path, lambda: done.append(1))
+    assert {path.name for path in tmp_path.iterdir()} == {f"figure-{i}.html" for i in range(2, 7)} | {"plotly.min.js"}
+    assert len(done) == 5

@@ -1,0 +1,67 @@
+"""The solvers' benchmark at small size: every section runs, and the file holds what was measured."""
+
+import json
+
+import joblib
+import numpy as np
+import pytest
+
+from experiments import solver_benchmark
+from experiments.files import SCHEMA
+from experiments.rockit_peer import rockit_solver
+from experiments.solver_benchmark import SECTIONS, convergence_order, main, random_goal
+from flatgym import SCENARIOS
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    out = tmp_path_factory.mktemp("solvers") / "solvers.json"
+    with joblib.parallel_config(backend="threading"), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(solver_benchmark, "PROCESSES", 1)
+        main(["--quick", "--out", str(out)])
+    return json.loads(out.read_text())
+
+
+def test_every_section_has_rows_and_the_file_says_how_they_came_about(results):
+    assert results["schema"] == SCHEMA
+    assert results["quick"] is True
+    assert results["command"].startswith("python -m experiments.solver_benchmark --quick")
+    assert {"versions", "machine", "wall_time_s", "date"} <= set(results)
+    assert list(results["sections"]) == list(SECTIONS)
+    assert all(section["rows"] for section in results["sections"].values())
+
+
+def test_references_are_met(results):
+    for row in results["sections"]["references"]["rows"]:
+        assert row["status"].startswith("Solved")
+        assert abs(row["deviation"]) < 2e-4
+
+
+def test_starts_are_counted(results):
+    *rows, total = results["sections"]["starts"]["rows"]
+    assert total["scenario"] == "all"
+    assert total["starts"] == sum(row["starts"] for row in rows) == 9
+    assert total["solved"] == len(rows)
+    assert total["found_best"] <= total["converged"] <= total["starts"]
+
+
+def test_both_solvers_fly_the_same_flight(results):
+    ours, peer, load = results["sections"]["speed"]["rows"]
+    assert ours["time_s"] == pytest.approx(peer["time_s"], rel=1e-3)  # Runge-Kutta on ten steps is not exact
+    assert all(row["median_s"] > 0 for row in (ours, peer, load))
+
+
+def test_the_order_of_a_known_sequence_is_found():
+    nodes = (10, 20, 40)
+    assert convergence_order(nodes, [3.0 / n**2 for n in nodes]) == pytest.approx(2)
+
+
+def test_goals_are_drawn_away_from_the_start():
+    goals = np.array([random_goal(np.random.default_rng(seed), 0).goal for seed in range(200)])
+    assert np.abs(goals).max() <= 10
+    assert np.hypot(*goals.T).min() >= 0.5
+
+
+def test_the_peer_refuses_what_it_cannot_fly():
+    with pytest.raises(ValueError, match="hoops or heights"):
+        rockit_solver(SCENARIOS["hoop"], 10)

@@ -1,0 +1,193 @@
+"""Eq. (8): times known in closed form, times another method finds, flights another integrator repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+from toppra.algorithm import TOPPRA
+from toppra.constraint import DiscretizationType, JointAccelerationConstraint, JointVelocityConstraint
+from toppra.interpolator import AbstractGeometricPath
+
+from flatgym.quadrotor import Array
+from optimal.flat_trajectory import FlatTrajectory
+from optimal.following import follow
+from optimal.paths import BezierPath, BSplinePath, Path, PolynomialPath
+from optimal.planning import INTERVALS, FlatSolution
+from optimal.systems import FlatSystem, FullQuadrotor, OverheadCrane, PlanarQuadrotor, PointMass
+
+PLANNED_6 = 1.23131929
+"""The best time of 6 m horizontally [s], from Pontryagin's principle."""
+LINE = PolynomialPath(((0.0, 3.0), (0.0, 4.0)))
+BEZIER = BezierPath(((0.0, 0.0), (1.0, 2.0), (3.0, -2.0), (4.0, 1.0)))
+SPLINE = BSplinePath(((0.0, 0.0), (1.0, 0.5), (1.5, 2.0), (3.0, 2.0), (3.5, 0.0), (5.0, 0.0), (5.0, 1.0)), 4)
+
+
+class Circle:
+    """A horizontal circle of 2 m radius, 1 m high, seen without turning."""
+
+    def __call__(self, s: ArrayLike, order: int = 0) -> Array:
+        s = np.asarray(s, dtype=np.float64)
+        angle, zero = 2 * np.pi * s + order * np.pi / 2, np.zeros_like(s)
+        arm = 2.0 * (2 * np.pi) ** order
+        return np.stack([arm * np.cos(angle), arm * np.sin(angle), zero + (order == 0), zero], axis=-1)
+
+
+MOTIONS: dict[str, tuple[Path, FlatSystem]] = {
+    "line": (LINE, PointMass()),
+    "limited line": (LINE, PointMass(speed_max=2.0)),
+    "bezier": (BEZIER, PointMass(acceleration_max=5.0)),
+    "limited bezier": (BEZIER, PointMass(speed_max=2.0, acceleration_max=5.0)),
+    "spline": (SPLINE, PointMass(speed_max=3.0)),
+    "planar": (PolynomialPath(((0.0, 6.0), (0.0,))), PlanarQuadrotor()),
+    "circle": (Circle(), FullQuadrotor()),
+    "crane": (BezierPath(((0.0, -4.0), (1.0, -2.0), (3.0, -2.0), (4.0, -4.0))), OverheadCrane()),
+}
+
+COARSE = {"circle": 24, "crane": 16}
+"""Intervals of the first grid where programs are large."""
+
+
+@cache
+def followed(name: str) -> FlatSolution:
+    return follow(*MOTIONS[name], intervals=COARSE.get(name, INTERVALS))
+
+
+def flown(name: str) -> FlatTrajectory:
+    trajectory = followed(name).trajectory
+    assert trajectory is not None, followed(name).status
+    return trajectory
+
+
+@pytest.mark.parametrize(
+    ("name", "exact"),
+    # 4 m is the longer side: from rest to rest at 10 m/s^2; and with a cruise at 2 m/s.
+    [("line", 2 * np.sqrt(4 / 10)), ("limited line", 4 / 2 + 2 / 10)],
+)
+def test_a_point_mass_takes_its_closed_form_time(name: str, exact: float) -> None:
+    assert exact <= followed(name).time < exact * (1 + 1e-3)
+
+
+class _Geometry(AbstractGeometricPath):  # type: ignore[misc]
+    """A path as toppra asks for it."""
+
+    dof, path_interval = 2, np.array([0.0, 1.0])
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __call__(self, s: ArrayLike, order: int = 0) -> Array:
+        return self.path(s, order)
+
+
+def reachability_time(path: Path, system: PointMass) -> float:
+    """Return the time that toppra's reachability analysis finds [s], extrapolated to ever finer grids."""
+    velocity = JointVelocityConstraint(np.full(2, min(system.speed_max, 1e3)))
+    acceleration = JointAccelerationConstraint(
+        np.full(2, system.acceleration_max), discretization_scheme=DiscretizationType.Interpolation
+    )
+    coarse, fine = (
+        TOPPRA([velocity, acceleration], _Geometry(path), gridpoints=np.linspace(0, 1, n + 1), solver_wrapper="seidel")
+        .compute_trajectory(0, 0)
+        .duration
+        for n in (500, 1000)
+    )
+    return float(2 * fine - coarse)
+
+
+@pytest.mark.parametrize("name", ["bezier", "limited bezier", "spline"])
+def test_second_order_limits_give_the_time_of_reachability_analysis(name: str) -> None:
+    path, system = MOTIONS[name]
+    assert isinstance(system, PointMass)
+    assert followed(name).time == pytest.approx(reachability_time(path, system), rel=5e-3)
+
+
+def test_a_path_that_is_given_is_no_faster_than_one_that_is_planned() -> None:
+    assert followed("planar").time >= PLANNED_6
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_limits_hold_all_along(name: str) -> None:
+    trajectory, system = flown(name), MOTIONS[name][1]
+    t = np.linspace(0, trajectory.duration, 5_001)
+    values = np.concatenate([trajectory.state(t), trajectory.control(t)], axis=-1)
+    state_low, state_high, input_low, input_high = system.limits()
+    low, high = np.append(state_low, input_low), np.append(state_high, input_high)
+    slack = 1e-6 * system.bounds[1].max()
+    assert np.all(values >= low - slack)
+    assert np.all(values <= high + slack)
+    assert followed(name).violation <= 1e-6
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_the_path_flown_is_the_path_given_from_rest_to_rest(name: str) -> None:
+    trajectory, path = flown(name), MOTIONS[name][0]
+    for t, s in ((0.0, 0.0), (trajectory.duration, 1.0)):
+        np.testing.assert_allclose(trajectory(t), path(s), atol=1e-12)
+        for order in range(1, trajectory.system.order):
+            np.testing.assert_allclose(trajectory(t, order), 0, atol=1e-8)
+    curve = path(np.linspace(0, 1, 20_001))
+    points = trajectory(np.linspace(0, trajectory.duration, 7))
+    assert np.linalg.norm(points[:, None] - curve, axis=-1).min(axis=1).max() < 1e-3
+
+
+@pytest.mark.parametrize("name", ["limited bezier", "planar", "circle", "crane"])
+def test_an_independent_integration_repeats_the_motion(
+    name: str, replay_error: Callable[[FlatTrajectory], float]
+) -> None:
+    assert replay_error(flown(name)) < 1e-6
+
+
+def test_on_a_circle_the_thrust_carries_and_turns_at_once() -> None:
+    trajectory, vehicle = flown("circle"), FullQuadrotor()
+    thrust = trajectory.control(np.linspace(0, trajectory.duration, 5001))[:, 0]
+    # The fastest circle leaves no thrust unused for long.
+    assert thrust.max() > 0.99 * vehicle.thrust_max
+    speed = np.linalg.norm(trajectory(np.linspace(0, trajectory.duration, 5001), 1), axis=-1)
+    assert speed.max() ** 2 / 2.0 <= np.sqrt(vehicle.thrust_max**2 - vehicle.gravity**2) * (1 + 1e-6)
+
+
+def test_a_path_flown_backwards_takes_as_long() -> None:
+    back = BezierPath(BEZIER.points[::-1])
+    assert follow(back, PointMass(acceleration_max=5.0)).time == pytest.approx(followed("bezier").time, rel=1e-5)
+
+
+def test_limits_at_nodes_only_are_said_to_be_no_motion() -> None:
+    lie = follow(BEZIER, PointMass(acceleration_max=5.0), checks="nodes")
+    assert not lie.converged or lie.time < followed("bezier").time
+    assert lie.violation > 0
+
+
+def test_a_path_beyond_the_limits_is_answered_with_a_reason() -> None:
+    # One metre below the rail a rope of 5 m cannot hang.
+    found = follow(PolynomialPath(((0.0, 2.0), (-1.0,))), OverheadCrane(rope_min=5.0), intervals=4)
+    assert not found.converged
+    assert found.time == np.inf
+    assert found.violation == np.inf
+    assert found.trajectory is None
+    assert found.status.startswith("Not solved")
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        (PolynomialPath(((0.0, -1.0, 1.0), (0.0,))), "degenerate: its derivative vanishes at s = 0.5"),
+        (PolynomialPath(((1.0,), (2.0,))), "degenerate"),
+        (PolynomialPath(((0.0, 1.0), (0.0,), (0.0,))), "3 coordinates, but PlanarQuadrotor needs 2: x_m, z_m"),
+    ],
+)
+def test_paths_that_lead_nowhere_are_refused(path: Path, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        follow(path)
+
+
+def test_a_path_that_is_not_finite_is_refused() -> None:
+    def path(s: ArrayLike, order: int = 0) -> Array:
+        values = LINE(s, order)
+        return np.where(np.asarray(s)[..., None] > 0.7, np.nan, values)
+
+    with pytest.raises(ValueError, match=r"not finite at s = 0\.7"):
+        follow(path, PointMass())
