@@ -213,3 +213,12 @@ def tables(progress: Callable[[], Any] = lambda: None) -> tuple[pd.DataFrame, pd
             rows[road is not None].append(row)
             progress()
     return pd.DataFrame(rows[0], columns=list(COLUMNS)), pd.DataFrame(rows[1], columns=list(EASE_COLUMNS))
+
+
+def by_road(ease: pd.DataFrame) -> pd.DataFrame:
+    """Return the ease table with one row a road: cases, medians over them, and sums of starts."""
+    grouped = ease.groupby("road", sort=False)
+    medians, sums = ["iterations", "cold_s", "warm_s"], ["starts", "converged", "succeeded"]
+    return pd.concat(
+        [grouped.size().rename("cases"), grouped[medians].median(), grouped[sums].sum()], axis=1
+    ).reset_index()

@@ -11,17 +11,18 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
-from statistics import median
 from textwrap import fill
 from typing import Any
 
+import pandas as pd
+
 from experiments.files import SCHEMA, write_text
-from experiments.paper import SUCCESS
+from experiments.paper import SUCCESS, by_road
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "experiments" / "results"
 PUBLISHED = RESULTS / "published"
-FILES = ("benchmark.json", "scores.csv", "paper.json")
+FILES = ("benchmark.json", "scores.csv", "paper.json", "solvers.json")
 PAPER_FIGURES = ("figure-3", "figure-4", "figure-5")
 """Those the README shows."""
 
@@ -37,7 +38,11 @@ def published(name: str) -> Any:
 
 def blocks() -> dict[str, str]:
     """Return the generated parts of the README by name."""
-    return {"scores": scores(published("benchmark.json")), "paper": judged(published("paper.json"))}
+    return {
+        "scores": scores(published("benchmark.json")),
+        "paper": judged(published("paper.json")),
+        "roads": roads(published("solvers.json")),
+    }
 
 
 def markdown(head: list[str], rows: list[list[str]]) -> str:
@@ -99,22 +104,18 @@ def judged(results: dict[str, Any]) -> str:
 
 def eased(rows: list[dict[str, Any]]) -> str:
     """Return the roads' iterations and seconds, medians over the cases, and how many starts arrive."""
-    table = []
-    for road in dict.fromkeys(row["road"] for row in rows):
-        cases = [row for row in rows if row["road"] == road]
-        middle = {key: median(row[key] for row in cases) for key in ("iterations", "cold_s", "warm_s")}
-        starts = sum(row["starts"] for row in cases)
-        table.append(
-            [
-                road,
-                str(len(cases)),
-                f"{middle['iterations']:.0f}",
-                f"{middle['cold_s']:.2f}",
-                f"{middle['warm_s']:.3f}",
-                f"{sum(row['converged'] for row in cases)} of {starts}",
-                f"{sum(row['succeeded'] for row in cases)} of {starts}",
-            ]
-        )
+    table = [
+        [
+            row["road"],
+            str(row["cases"]),
+            f"{row['iterations']:.0f}",
+            f"{row['cold_s']:.2f}",
+            f"{row['warm_s']:.3f}",
+            f"{row['converged']} of {row['starts']}",
+            f"{row['succeeded']} of {row['starts']}",
+        ]
+        for row in by_road(pd.DataFrame(rows)).to_dict("records")
+    ]
     head = ["road, from a plain start", "cases", "iterations", "cold [s]", "warm [s]", "converged", "found"]
     words = (
         "The paper argues that its problem is easily started. So for each road one solve from a plain start, without "
@@ -123,6 +124,59 @@ def eased(rows: list[dict[str, Any]]) -> str:
         f"and is within {SUCCESS:.1%} of the road's best."
     )
     return fill(words, 118) + "\n\n" + markdown(head, table)
+
+
+def roads(results: dict[str, Any]) -> str:
+    """Return what the solvers' benchmark found, one line a question."""
+    rows = {name: section["rows"] for name, section in results["sections"].items()}
+    solved = [row for row in rows["references"] if row["status"].startswith("Solved")]
+    off = max(abs(row["deviation"]) for row in rows["references"] if row["deviation"] is not None)
+    total = rows["starts"][-1]
+    clock = {row["what"]: row["median_s"] for row in rows["speed"]}
+    flat = {row["scenario"]: row for row in rows["flat"]}
+    level = [row for name, row in flat.items() if name.startswith(("horizontal", "ground"))]
+    automatic = {row["scenario"]: row for row in rows["corridors"]}
+    slopes = {name: [row["order"] for row in rows[name]] for name in ("orders", "flat_orders")}
+    bends = [automatic[name] for name in ("hoop", "high-hoop", "slalom")]
+
+    def span(values: list[float]) -> str:
+        return f"{min(values):.1f} to {max(values):.1f}"
+
+    table = [
+        ["named scenarios solved and certified by shooting", f"{len(solved)} of {len(rows['references'])}"],
+        ["their largest distance from T* known from elsewhere", f"{off:.3%}"],
+        ["random starts to random goals that converge", f"{total['converged']} of {total['starts']}"],
+        ["those that find the best time of the winding", f"{total['found_best']} of {total['starts']}"],
+        [
+            "Pontryagin against shooting, largest distance",
+            f"{max(abs(r['difference']) for r in rows['pontryagin']):.1e}",
+        ],
+        ["flat over T*, horizontals and ground-6, largest", f"{max(r['above_best'] for r in level):.2%}"],
+        *[[f"flat over T* of its corridor, {n}", f"{flat[n]['above_best']:.2%}"] for n in ("diagonal", "hoop")],
+        ["flat, warm: horizontals and ground-6 [s]", f"{max(r['warm_s'] for r in level):.2f}"],
+        ["flat, warm: diagonal, hoop [s]", ", ".join(f"{flat[n]['warm_s']:.1f}" for n in ("diagonal", "hoop"))],
+        [
+            "flat from the paper's own start on other grids: certified, and within 0.5 %",
+            f"{sum(r['starts_certified'] for r in flat.values())}, {sum(r['starts_good'] for r in flat.values())} of "
+            f"{sum(r['starts'] for r in flat.values())}",
+        ],
+        [
+            "automatic corridors over T*: hoop, high-hoop, slalom",
+            ", ".join(f"{row['above_best']:.1%}" + ("" if row["optimised"] else " (not optimised)") for row in bends),
+        ],
+        [
+            "other systems' inputs through SciPy's DOP853, largest error",
+            f"{max(r['replay_error'] for r in rows['systems']):.0e}",
+        ],
+        ["order of convergence: shooting, flat", f"{span(slopes['orders'])}, {span(slopes['flat_orders'])}"],
+        [
+            "warm shooting solve, 100 steps [ms]; rockit's [ms]",
+            f"{clock['shooting'] * 1e3:.0f}; {clock['rockit'] * 1e3:.0f}",
+        ],
+        ["`import optimal` [s]", f"{clock['import optimal']:.2f}"],
+    ]
+    note = f"`{results['command']}` on {results['machine']['cores']} cores, {results['date'][:10]}."
+    return markdown(["question", "answer"], table) + "\n\n" + note
 
 
 def filled(text: str) -> str:

@@ -25,6 +25,7 @@ from rich.progress import Progress, TaskID
 
 import optimal
 from agents.evaluate import versions
+from experiments import flat_benchmark
 from experiments.files import SCHEMA, write_json
 from experiments.rockit_peer import rockit_solver
 from flatgym import SCENARIOS, Scenario
@@ -171,6 +172,11 @@ SECTIONS: dict[str, Callable[[bool, Advance], list[Row]]] = {
     "starts": starts,
     "orders": orders,
     "speed": speed,
+    "flat": flat_benchmark.flat,
+    "flat_orders": flat_benchmark.flat_orders,
+    "corridors": flat_benchmark.corridors,
+    "pontryagin": flat_benchmark.pontryagin,
+    "systems": flat_benchmark.systems,
 }
 
 

@@ -208,10 +208,11 @@ class FlatTrajectory:
         coarse = self._overstep(self.jet(s))
         largest = coarse.max(axis=-1)
         step = np.diff(self.nodes)[:, None] / SAMPLES * np.linspace(-1, 1, 2 * CLOSER + 1)
+        top = np.take_along_axis(np.broadcast_to(s, coarse.shape), coarse.argmax(axis=-1)[..., None], axis=-1)
+        near = self._overstep(self.jet(np.clip(top + step, s[:, :1], s[:, -1:])))
         for side, limit in np.ndindex(largest.shape[:2]):
-            top = np.take_along_axis(s, coarse[side, limit].argmax(axis=1)[:, None], axis=1)
-            near = self._overstep(self.jet(np.clip(top + step, s[:, :1], s[:, -1:])))
-            largest[side, limit] = np.maximum(largest[side, limit], near[side, limit].max(axis=-1))
+            closer = near[side, limit, side, limit].max(axis=-1)
+            largest[side, limit] = np.maximum(largest[side, limit], closer)
         return largest
 
     def _overstep(self, jet: list[Array]) -> Array:

@@ -23,6 +23,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.polynomial import Polynomial
+from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
 from scipy.optimize import minimize_scalar
@@ -86,7 +87,15 @@ class PolynomialPath:
         """Return the derivative of the given order with respect to s, shape (..., n)."""
         _require_order(order)
         s = np.asarray(s, dtype=np.float64)
-        return np.stack([Polynomial(row).deriv(order)(s) + 0 * s for row in self.coefficients], axis=-1)
+        return np.stack([polyval(s, _derivative(row, order)) for row in self.coefficients], axis=-1)
+
+
+@lru_cache(maxsize=256)
+def _derivative(coefficients: tuple[float, ...], order: int) -> Array:
+    """Return the coefficients of a polynomial's derivative, constant first."""
+    if order >= len(coefficients):
+        return np.zeros(1)
+    return np.asarray(polyder(coefficients, order), dtype=np.float64)
 
 
 @dataclass(frozen=True)
