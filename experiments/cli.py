@@ -178,8 +178,8 @@ def paper(
         titles,
     )
     screen.print(
-        f"Medians over the cases [s]; cold: with the program yet to be built; warm: again. found: starts whose flight keeps all limits at all "
-        f"times and is within {paper.SUCCESS:.1%} of the road's best.",
+        "Medians over the cases [s]; cold: with the program yet to be built; warm: again. found: starts whose flight "
+        f"keeps all limits at all times and is within {paper.SUCCESS:.1%} of the road's best.",
         markup=False,
     )
 
