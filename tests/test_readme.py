@@ -15,7 +15,7 @@ TEXT = (readme.ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
 
 
-@pytest.mark.parametrize("code", BLOCKS, ids=re.findall(r"^## (\w+): the ", TEXT, re.MULTILINE))
+@pytest.mark.parametrize("code", BLOCKS, ids=[re.findall(r"import (\w+)", block)[-1] for block in BLOCKS])
 def test_every_code_block_runs(code, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
