@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
 import optimal
+from experiments.benchmarking import Advance, Row, convergence_order, random_goal
 from flatgym import SCENARIOS
 from flatgym.quadrotor import Array
 from optimal.corridors import corridor, is_printed, paper_corridor
@@ -22,12 +23,10 @@ from optimal.flat_program import solve_program
 from optimal.flat_trajectory import FlatTrajectory
 from optimal.following import follow
 from optimal.paths import BSplinePath, PolynomialPath
-from optimal.planning import INTERVALS, FlatSolution, motion, plan, pose, slow_start
+from optimal.planning import plan, pose
 from optimal.pontryagin import fastest
+from optimal.refinement import INTERVALS, FlatSolution, motion, slow_start
 from optimal.systems import FullQuadrotor, OverheadCrane
-
-Row = dict[str, Any]
-Advance = Callable[[int, int], None]
 
 PRINTED = (
     "horizontal-3",
@@ -103,8 +102,6 @@ def corridors(quick: bool, advance: Advance) -> list[Row]:
 
 def pontryagin(quick: bool, advance: Advance) -> list[Row]:
     """Does the indirect road meet shooting, in named scenarios and at random goals?"""
-    from experiments.solver_benchmark import random_goal
-
     generator = np.random.default_rng(8)
     named = ["horizontal-3"] if quick else [*PRINTED[:5], "diagonal", "climb", "drop"]
     tasks = [SCENARIOS[name] for name in named] + [random_goal(generator, i) for i in range(1 if quick else 20)]
@@ -199,8 +196,6 @@ def replay_error(flight: FlatTrajectory) -> float:
 
 def flat_orders(quick: bool, advance: Advance) -> list[Row]:
     """At which order does the flat transcription converge, before its limits are narrowed to certify it?"""
-    from experiments.solver_benchmark import convergence_order
-
     grids = (8, 16) if quick else (8, 12, 16, 24, INTERVALS)
     rows: list[Row] = []
     names = PRINTED[: 1 if quick else 2]

@@ -25,8 +25,9 @@ import optimal
 from flatgym import SCENARIOS, Scenario
 from optimal.corridors import paper_corridor
 from optimal.costates import arcs_of
-from optimal.planning import INTERVALS, plan
+from optimal.planning import plan
 from optimal.pontryagin import fastest, refine
+from optimal.refinement import INTERVALS
 from optimal.shooting import NODES, shoot
 from optimal.trajectory import Flight
 

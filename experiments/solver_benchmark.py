@@ -17,7 +17,6 @@ import time
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import joblib
 import numpy as np
@@ -26,6 +25,7 @@ from rich.progress import Progress, TaskID
 import optimal
 from agents.evaluate import versions
 from experiments import flat_benchmark
+from experiments.benchmarking import Advance, Row, convergence_order, random_goal
 from experiments.files import SCHEMA, write_json
 from experiments.rockit_peer import rockit_solver
 from flatgym import SCENARIOS, Scenario
@@ -44,15 +44,11 @@ REFERENCE_TIMES = {
     "climb": 1.30037,
 }
 """T* [s] found by other code and finer grids before this project."""
-GOALS, STARTS, REACH = 100, 10, 10.0
-"""Random goals, random starts for each, and half the width of the square of goals [m]."""
+GOALS, STARTS = 100, 10
+"""Random goals, and random starts for each."""
 ORDER_CASES = (("horizontal-6", 0), ("diagonal", 0), ("climb", 1))
 ORDER_NODES, FINEST = (25, 50, 100, 200, 400), 1600
 PROCESSES = 2
-
-Row = dict[str, Any]
-Advance = Callable[[int, int], None]
-"""Called with what is done and what there is to do."""
 
 
 def references(quick: bool, advance: Advance) -> list[Row]:
@@ -79,14 +75,6 @@ def starts(quick: bool, advance: Advance) -> list[Row]:
         advance(len(rows), goals)
     total = {key: sum(row[key] for row in rows) for key in ("starts", "converged", "found_best", "solved")}
     return [*rows, {"scenario": "all", **total}]
-
-
-def random_goal(generator: np.random.Generator, number: int) -> Scenario:
-    """Draw a goal in the square around the start, at least half a metre away."""
-    while True:
-        goal = generator.uniform(-REACH, REACH, 2)
-        if np.hypot(*goal) >= 0.5:
-            return Scenario(f"goal-{number}", (0.0, 0.0), (float(goal[0]), float(goal[1])))
 
 
 def starts_of(scenario: Scenario, count: int, seed: int) -> Row:
@@ -123,11 +111,6 @@ def orders(quick: bool, advance: Advance) -> list[Row]:
         ]
         advance(i + 1, len(cases))
     return rows
-
-
-def convergence_order(nodes: Sequence[int], errors: Any) -> float:
-    """Return the slope of -log |error| over log nodes by least squares."""
-    return float(-np.polyfit(np.log(nodes), np.log(np.abs(errors)), 1)[0])
 
 
 def speed(quick: bool, advance: Advance) -> list[Row]:

@@ -15,7 +15,8 @@ import numpy as np
 
 from flatgym.quadrotor import Quadrotor
 from optimal.paths import Path, Resting, require_regular
-from optimal.planning import INTERVALS, FlatSolution, optimise, pose
+from optimal.planning import pose
+from optimal.refinement import INTERVALS, FlatSolution, optimise
 from optimal.systems import FlatSystem, PlanarQuadrotor
 
 

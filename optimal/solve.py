@@ -103,7 +103,8 @@ def _shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int, n
 
 def _flat(task: Scenario, checks: str, intervals: int | None, begun: float) -> Solution:
     from optimal.corridors import corridor, is_printed, paper_corridor
-    from optimal.planning import INTERVALS, plan
+    from optimal.planning import plan
+    from optimal.refinement import INTERVALS
 
     outer_paths = paper_corridor(task) if is_printed(task) else corridor(task)
     found = plan(

@@ -16,7 +16,7 @@ from flatgym.quadrotor import Array
 from optimal.flat_trajectory import FlatTrajectory
 from optimal.following import follow
 from optimal.paths import BezierPath, BSplinePath, Path, PolynomialPath
-from optimal.planning import INTERVALS, FlatSolution
+from optimal.refinement import INTERVALS, FlatSolution
 from optimal.systems import FlatSystem, FullQuadrotor, OverheadCrane, PlanarQuadrotor, PointMass
 
 PLANNED_6 = 1.23131929

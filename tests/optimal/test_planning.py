@@ -14,7 +14,8 @@ from optimal.corridors import Corridor, paper_corridor
 from optimal.flat_program import SUCCESS, solve_program
 from optimal.flat_trajectory import FlatTrajectory
 from optimal.paths import PolynomialPath, smoothstep
-from optimal.planning import INTERVALS, SLOW, FlatSolution, _along_central_path, motion, plan, pose, slow_start
+from optimal.planning import plan, pose
+from optimal.refinement import INTERVALS, SLOW, FlatSolution, _along_central_path, motion, slow_start
 from optimal.systems import FullQuadrotor
 
 BEST = {
