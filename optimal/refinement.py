@@ -111,7 +111,7 @@ def _along_central_path(problem: Problem, slow: Iterate) -> FlatTrajectory | Non
 def _first(problem: Problem, slow: Iterate) -> Iterate:
     """Return the solution on the first grid: from the slow start at once, or where that fails by steps.
 
-    The steps begin with the path held, eq. (8), which the slow start always solves, and then let
+    The steps begin with the path held, eq. (8), the easier problem, and then let
     go of it little by little: the two stages of planning and following, and back again.
     """
     first = solve_program(problem, slow)
