@@ -13,6 +13,18 @@ Row = dict[str, Any]
 Advance = Callable[[int, int], None]
 """Called with what is done and what there is to do."""
 
+REFERENCE_TIMES = {
+    "horizontal-3": 0.8987,
+    "horizontal-6": 1.23132,
+    "horizontal-9": 1.48822,
+    "horizontal-12": 1.70490,
+    "horizontal-15": 1.89584,
+    "ground-6": 1.23408,
+    "diagonal": 1.4112,
+    "hoop": 1.41143,
+    "climb": 1.30037,
+}
+"""T* [s] found by other code and finer grids before this project."""
 REACH = 10.0
 """Half the width of the square of random goals [m]."""
 

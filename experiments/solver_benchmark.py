@@ -25,25 +25,13 @@ from rich.progress import Progress, TaskID
 import optimal
 from agents.evaluate import versions
 from experiments import flat_benchmark
-from experiments.benchmarking import Advance, Row, convergence_order, random_goal
+from experiments.benchmarking import REFERENCE_TIMES, Advance, Row, convergence_order, random_goal
 from experiments.files import SCHEMA, write_json
 from experiments.rockit_peer import rockit_solver
 from flatgym import SCENARIOS, Scenario
 from optimal.search import AGREEMENT
 from optimal.shooting import NODES, shoot
 
-REFERENCE_TIMES = {
-    "horizontal-3": 0.8987,
-    "horizontal-6": 1.23132,
-    "horizontal-9": 1.48822,
-    "horizontal-12": 1.70490,
-    "horizontal-15": 1.89584,
-    "ground-6": 1.23408,
-    "diagonal": 1.4112,
-    "hoop": 1.41143,
-    "climb": 1.30037,
-}
-"""T* [s] found by other code and finer grids before this project."""
 GOALS, STARTS = 100, 10
 """Random goals, and random starts for each."""
 ORDER_CASES = (("horizontal-6", 0), ("diagonal", 0), ("climb", 1))

@@ -7,21 +7,9 @@ import numpy as np
 import pytest
 
 import optimal
+from experiments.benchmarking import REFERENCE_TIMES
 from flatgym import SCENARIOS, Hoop, Quadrotor
 from optimal import SolveFailed, Status
-
-REFERENCE_TIMES = {
-    "horizontal-3": 0.8987,
-    "horizontal-6": 1.23132,
-    "horizontal-9": 1.48822,
-    "horizontal-12": 1.70490,
-    "horizontal-15": 1.89584,
-    "ground-6": 1.23408,
-    "diagonal": 1.4112,
-    "hoop": 1.41143,
-    "climb": 1.30037,
-}
-"""Flight times [s] found independently, by other code and finer grids, before this project."""
 
 
 @pytest.mark.parametrize("name", ["horizontal-6", "ground-6"])
