@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike
 
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
-from optimal.outer_paths import height_band, outer_paths
+from optimal.outer_paths import outer_paths
 from optimal.paths import Path, PolynomialPath, require_regular, smoothstep
+from optimal.transcription import height_limits
 
 _PRINTED = ((5.0, 5.0), (2.5, 2.5, 0.5, 0.0))
 """The one hoop flight the paper prints: displacement; hoop x, z, diameter, angle, from the start."""
@@ -162,7 +163,7 @@ def paper_corridor(scenario: Scenario) -> Corridor:
         heights = (bow + 2.75 + start[1], -bow + 2.25 + start[1])
     else:
         c = 0.0 if (advance, climb) == _PRINTED[0] else 1.0
-        ends = np.clip(start[1] + np.array([min(climb, 0.0) - c, max(climb, 0.0) + c]), *height_band(scenario))
+        ends = np.clip(start[1] + np.array([min(climb, 0.0) - c, max(climb, 0.0) + c]), *height_limits(scenario))
         heights = (Polynomial([ends[0]]), Polynomial([ends[1]]))
     x = advance * smoothstep(3) + start[0]
     paths = tuple(PolynomialPath((tuple(x.coef), tuple(z.coef))) for z in heights)

@@ -18,6 +18,7 @@ from dataclasses import replace
 from flatgym.scenario import Scenario
 from optimal.bounds import projection_bound
 from optimal.shooting import LONGEST, explore
+from optimal.transcription import height_limits
 
 Interval = tuple[float, float]
 
@@ -28,7 +29,7 @@ TOUCH = 1e-9
 def impossible(scenario: Scenario) -> str:
     """Return why no flight of a scenario can exist, naming the limit at fault; empty where none is known."""
     for i, hoop in enumerate(scenario.hoops):
-        name, (low, high) = f"hoops[{i}]", heights(scenario)
+        name, (low, high) = f"hoops[{i}]", height_limits(scenario)
         if abs(math.cos(hoop.angle)) < 1e-9 and not low < hoop.z < high:
             return (
                 f"{name} lies flat at z = {hoop.z} m, against the {'floor' if hoop.z <= low else 'ceiling'}, and "
@@ -42,12 +43,6 @@ def impossible(scenario: Scenario) -> str:
     return ""
 
 
-def heights(scenario: Scenario) -> Interval:
-    """Return floor and ceiling [m], infinite where there is none."""
-    low = -math.inf if scenario.floor is None else scenario.floor
-    return low, math.inf if scenario.ceiling is None else scenario.ceiling
-
-
 def passage(scenario: Scenario, index: int) -> list[Interval]:
     """Return where on the line of a hoop the vehicle's centre may pass, as intervals from its centre [m].
 
@@ -59,7 +54,7 @@ def passage(scenario: Scenario, index: int) -> list[Interval]:
     half = hoop.diameter / 2 - radius
     low, high, slope = -half, half, hoop.across[1]
     if abs(slope) > 1e-9:
-        ends = sorted((height - hoop.z) / slope for height in heights(scenario))
+        ends = sorted((height - hoop.z) / slope for height in height_limits(scenario))
         low, high = max(low, ends[0]), min(high, ends[1])
     free = [(low, high)] if low <= high else []
     for other in scenario.hoops if radius > 0 else ():

@@ -26,13 +26,13 @@ from flatgym.quadrotor import Array
 from optimal.paths import Path
 from optimal.splines import SplineSpace
 from optimal.systems import FlatSystem, along_path
+from optimal.transcription import SUCCESS
 
 SLOWEST = 1e-3
 """The least b allowed [1/s^2]."""
 CHECKS = 5
 """Checks per interval, both ends included; with fewer, flights are found that break limits between them."""
 QUADRATURE = np.polynomial.legendre.leggauss(3)
-SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 USABLE = (*SUCCESS, "Maximum_Iterations_Exceeded", "Search_Direction_Becomes_Too_Small")
 """Outcomes of Ipopt worth going on with: what is called solved is measured afterwards."""
 IPOPT = {

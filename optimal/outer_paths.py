@@ -29,6 +29,7 @@ from scipy.interpolate import CubicHermiteSpline
 from flatgym.quadrotor import Array
 from flatgym.scenario import Hoop, Scenario
 from optimal.paths import BSplinePath, clamped_knots
+from optimal.transcription import height_limits
 
 WIDTH = 1.5
 """Room to either side of the centre line [m]; optimal flights bulge by less between hoops."""
@@ -66,7 +67,7 @@ def outer_paths(scenario: Scenario, count: int) -> tuple[BSplinePath, ...]:
         ValueError: where a hoop cannot be passed, with the reason.
     """
     extents, spans = _legs(scenario)
-    band = height_band(scenario)
+    band = height_limits(scenario)
     gates = [_gate(scenario, i, min(pair)) for i, pair in enumerate(pairwise(extents / spans))]
     line = _centre_line(scenario, gates, spans)
     sides = np.broadcast_to(_CORNERS, (len(line), 4, 2)) if count == 4 else _ribs(line, gates, spans)
@@ -83,12 +84,6 @@ def hoop_parameters(scenario: Scenario) -> Array:
     """Return the s at which the paths of `corridor` pass the hoops, shape (hoops,)."""
     spans = _legs(scenario)[1]
     return np.cumsum(spans)[:-1] / spans.sum()
-
-
-def height_band(scenario: Scenario) -> tuple[float, float]:
-    """Return floor and ceiling [m], infinite where there is none."""
-    low = -math.inf if scenario.floor is None else scenario.floor
-    return low, math.inf if scenario.ceiling is None else scenario.ceiling
 
 
 def _stations(scenario: Scenario) -> Array:
@@ -126,7 +121,7 @@ def _heading(scenario: Scenario, index: int) -> Array:
 
 def _gate(scenario: Scenario, index: int, stride: float) -> _Gate:
     """Return what floor, ceiling and body leave of a gap, if it is to be passed in so long strides."""
-    hoop, (low, high), heading = scenario.hoops[index], height_band(scenario), _heading(scenario, index)
+    hoop, (low, high), heading = scenario.hoops[index], height_limits(scenario), _heading(scenario, index)
     half = hoop.diameter / 2 - scenario.quadrotor.radius
     full = _overlap(hoop, half, low, high)
     for _ in range(SHORTENINGS):
@@ -173,7 +168,7 @@ def _centre_line(scenario: Scenario, gates: list[_Gate], spans: NDArray[np.intp]
     for i, n in enumerate(spans):
         line[leg == i] = _leg(stations[i : i + 2], n * strides[i : i + 2])(within[leg == i])
     line[:3], line[-3:] = stations[0], stations[-1]
-    return np.clip(line, *np.array([[-math.inf, math.inf], height_band(scenario)]).T)
+    return np.clip(line, *np.array([[-math.inf, math.inf], height_limits(scenario)]).T)
 
 
 def _leg(points: Array, tangents: Array) -> Callable[[Array], Array]:

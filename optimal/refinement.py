@@ -22,7 +22,6 @@ from optimal.flat_program import (
     NEAR,
     PATH_HELD,
     SLOWEST,
-    SUCCESS,
     USABLE,
     Iterate,
     Problem,
@@ -31,6 +30,7 @@ from optimal.flat_program import (
     spaces,
 )
 from optimal.flat_trajectory import FlatTrajectory
+from optimal.transcription import SUCCESS
 
 INTERVALS, FINER = 32, 2
 """Intervals of the first grid, and how many times more a refined one has."""

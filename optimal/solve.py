@@ -107,9 +107,8 @@ def _flat(task: Scenario, checks: str, intervals: int | None, begun: float) -> S
     from optimal.refinement import INTERVALS
 
     outer_paths = paper_corridor(task) if is_printed(task) else corridor(task)
-    found = plan(
-        outer_paths.paths, task.quadrotor, ends=outer_paths.ends, checks=checks, intervals=intervals or INTERVALS
-    )
+    size = INTERVALS if intervals is None else intervals
+    found = plan(outer_paths.paths, task.quadrotor, ends=outer_paths.ends, checks=checks, intervals=size)
     certificate = certify(found.trajectory, task)
     if not found.converged:
         status = Status.NOT_CONVERGED

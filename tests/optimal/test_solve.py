@@ -93,6 +93,8 @@ def test_unknown_words_and_empty_searches_are_refused():
         optimal.solve("hop")
     with pytest.raises(ValueError, match="at least one winding and one start"):
         optimal.solve("hoop", windings=())
+    with pytest.raises(ValueError, match="intervals must be at least 4, got 0"):
+        optimal.solve("horizontal-3", method="flat", intervals=0)
     with pytest.raises(ValueError, match="checks must be"):
         optimal.solve("horizontal-3", method="flat", checks="often")
     with pytest.raises(ValueError, match="shooting"):
