@@ -15,9 +15,9 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from experiments.files import write_text
 from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenario import Scenario
+from optimal.export import write_text
 
 COLOURS = ("#0b6e99", "#d1603d", "#4f772d", "#7a4988")
 INK, OUTLINE, FAINT, FLAME = "#22303c", "#8b98a3", "#dfe4e8", "#e8a33d"

@@ -16,8 +16,9 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.files import SCHEMA, write_text
+from experiments.files import SCHEMA
 from experiments.paper import SUCCESS, by_road
+from optimal.export import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "experiments" / "results"

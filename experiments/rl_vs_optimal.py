@@ -26,11 +26,12 @@ from agents.configs import PPOConfig
 from agents.evaluate import Policy, evaluate, fly, versions
 from agents.train import Training, load, read_curve, train
 from experiments import figures
-from experiments.files import SCHEMA, write_json, write_text
+from experiments.files import SCHEMA, write_json
 from flatgym import OUTCOMES
 from flatgym.scenario import Scenario
 from flatgym.task import fly_actions
 from optimal import FewestSteps, Solution
+from optimal.export import write_text
 
 SCENARIOS = ("horizontal-6", "hoop")
 DEMONSTRATIONS = 6

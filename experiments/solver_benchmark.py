@@ -24,7 +24,7 @@ from rich.progress import Progress, TaskID
 
 import optimal
 from agents.evaluate import versions
-from experiments import flat_benchmark
+from experiments import batch_benchmark, flat_benchmark
 from experiments.benchmarking import REFERENCE_TIMES, Advance, Row, convergence_order, random_goal
 from experiments.files import SCHEMA, write_json
 from experiments.rockit_peer import rockit_solver
@@ -148,6 +148,7 @@ SECTIONS: dict[str, Callable[[bool, Advance], list[Row]]] = {
     "corridors": flat_benchmark.corridors,
     "pontryagin": flat_benchmark.pontryagin,
     "systems": flat_benchmark.systems,
+    "batch": batch_benchmark.batch,
 }
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from flatgym.extras import require
 
-require("optimal", "casadi", "scipy")
+require("optimal", "casadi", "joblib", "scipy")
 
 from optimal.bounds import projection_bound as lower_bound
 from optimal.certificate import Certificate, certify
@@ -16,6 +16,7 @@ from optimal.steps import FewestSteps, fewest_steps
 from optimal.trajectory import Samples, Trajectory
 
 if TYPE_CHECKING:
+    from optimal.batch import fewest_steps_many, solve_many
     from optimal.corridors import Corridor, corridor, paper_corridor
     from optimal.following import follow
     from optimal.planning import plan
@@ -32,6 +33,7 @@ __all__ = [
     "certify",
     "corridor",
     "fewest_steps",
+    "fewest_steps_many",
     "follow",
     "load",
     "lower_bound",
@@ -39,6 +41,7 @@ __all__ = [
     "plan",
     "save",
     "solve",
+    "solve_many",
 ]
 
 _LATER = {
@@ -47,8 +50,10 @@ _LATER = {
     "paper_corridor": "optimal.corridors",
     "follow": "optimal.following",
     "plan": "optimal.planning",
+    "fewest_steps_many": "optimal.batch",
+    "solve_many": "optimal.batch",
 }
-"""Names of the flat road, imported when asked for: SciPy's splines take longer than all the rest together."""
+"""Names imported when asked for: SciPy's splines and joblib take longer than all the rest together."""
 
 
 def __getattr__(name: str) -> Any:

@@ -3,31 +3,57 @@
 Nothing here is shared with the transcriptions. The flight is asked for its state and control at
 any time; its controls, averaged over short intervals, are flown again through `Quadrotor.step`
 from the start, and the arcs so flown - not the solver's nodes - are held against hoops, floor and
-ceiling. Limits are looked at on a fine grid inside every interval, where the published
-transcription fails. What could not be shown is inf, never 0.
+ceiling. The replay is itself a flight of held controls, known in closed form, so that all that is
+said of its controls and its path is a bound at every instant (`flatgym.arc`), not a sample.
+
+What the flight itself does between two instants is shown in one of three ways. Held controls are
+their own bounds. So is the rate of a singular arc, c/|q|^2 with q linear in time, greatest where |q| is
+least; the paths of both are their replays'. A `Bounded` flight, which may be further from its replay
+than from a limit it touches, proves bounds of its own controls and path (flat motions:
+`optimal.flat_bounds`), and the replay only that they belong together. Of any other flight nothing is
+known, and its controls are unbounded. What could not be shown is inf, never 0.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flatgym.arc import Arc
 from flatgym.quadrotor import Array
-from flatgym.scenario import Scenario
+from flatgym.scenario import Hoop, Scenario
 from optimal.bounds import projection_bound
-from optimal.trajectory import Flight
+from optimal.trajectory import Flight, Trajectory
 
-TOLERANCE = 1e-6
-"""Largest violation (relative for controls, in m, m/s, rad otherwise) of a certified flight."""
-POINTS = 32
-"""Points at which the controls of an interval are looked at."""
+TOLERANCE = 1e-9
+"""Largest violation of a limit by a certified flight, relative for controls, else [m]: rounding's share."""
+AGREEMENT = 1e-6
+"""Largest difference of a certified flight from its replay, and of its ends from rest [m, m/s, rad]."""
+TURN = 3.0
+"""Most that the tilt turns on one arc of a replay [rad]; the closed forms of `Arc` ask for less than a whole turn."""
+MEETS, NEWTON_STEPS = 1e-12, 8
+"""How close to the line of a hoop a flight has met it [m], and the steps taken to find that instant."""
 FINER, FINEST = 16, 2**16
 """By how many times the arcs are made more at most at once, and the most arcs of an interval: one is exact for a
 control held over the interval, and the error falls with the square of their number for smooth ones."""
+
+
+@runtime_checkable
+class Bounded(Protocol):
+    """A flight that proves bounds of itself in continuous time."""
+
+    def control_range(self) -> Array:
+        """Return bounds of [thrust, rate], least and greatest, shape (2, 2); infinite where nothing is shown."""
+
+    def farthest(self, direction: Array) -> float:
+        """Return an upper bound of position . direction [m]; inf where nothing is shown."""
+
+    def nearest(self, point: Array) -> float:
+        """Return a lower bound of the distance to a point [m]; 0 where nothing is shown."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +62,9 @@ class Certificate:
 
     Attributes:
         max_control_violation: largest excess of thrust or rate over its limits, relative to the
-            upper limit, in continuous time.
+            upper limit, in continuous time, of the flight and of its replay.
         max_path_violation: largest depth below the floor, above the ceiling, or of the body in the rim of
-            a hoop, in continuous time [m].
+            a hoop, in continuous time [m], of the flight where it is `Bounded`, else of its replay.
         replay_error: largest difference between the flight's states and its controls flown again
             through `Quadrotor.step` [m, m/s, rad].
         terminal_error: largest difference of the replay's last state from rest at the goal, theta
@@ -60,14 +86,14 @@ class Certificate:
     lower_bound: float = 0.0
     gap: float = math.inf
 
-    def holds(self, tolerance: float = TOLERANCE) -> bool:
-        """Return whether the flight keeps every limit and the task, to `tolerance`."""
+    def holds(self) -> bool:
+        """Return whether the flight keeps every limit to TOLERANCE, and is what it says to AGREEMENT."""
         return (
-            self.max_control_violation <= tolerance
-            and self.max_path_violation <= tolerance
-            and self.replay_error <= tolerance
-            and self.terminal_error <= tolerance
-            and self.hoop_clearance >= -tolerance
+            self.max_control_violation <= TOLERANCE
+            and self.max_path_violation <= TOLERANCE
+            and self.replay_error <= AGREEMENT
+            and self.terminal_error <= AGREEMENT
+            and self.hoop_clearance >= -TOLERANCE
         )
 
     def row(self) -> dict[str, float]:
@@ -85,7 +111,8 @@ def certify(flight: Flight | None, scenario: Scenario) -> Certificate:
     bound = projection_bound(scenario)
     if flight is None:
         return Certificate(lower_bound=bound)
-    parts = np.ones(len(flight.breakpoints) - 1, dtype=np.intp)
+    turns = np.abs(np.diff(flight.state(flight.breakpoints)[:, 4]))
+    parts = np.maximum(np.ceil(np.nan_to_num(turns, posinf=0.0) / TURN), 1).astype(np.intp)
     largest = math.inf
     while True:
         time = fine_grid(flight.breakpoints, parts)
@@ -96,19 +123,21 @@ def certify(flight: Flight | None, scenario: Scenario) -> Certificate:
         ends = np.append(0, np.cumsum(parts))
         added = drift(replay[ends] - states[ends], time[ends])
         # An error that does not fall is none of the arcs': the flight does not do what its controls say.
-        if np.abs(replay - states).max() <= TOLERANCE / 2 or added.max() > largest / 2 or parts.max() >= FINEST:
+        if np.abs(replay - states).max() <= AGREEMENT / 2 or added.max() > largest / 2 or parts.max() >= FINEST:
             break
         largest = added.max()
-        aim = min(TOLERANCE / 4 / math.sqrt(len(parts)), largest / FINER)
+        aim = min(AGREEMENT / 4 / math.sqrt(len(parts)), largest / FINER)
         parts = np.ceil(parts * np.clip(np.sqrt(added / aim), 1, FINER)).astype(np.intp)
     return Certificate(
         max_control_violation=control_violation(flight, arcs, scenario),
-        max_path_violation=path_violation(arcs, scenario),
+        max_path_violation=(
+            told_path_violation(flight, scenario) if isinstance(flight, Bounded) else path_violation(arcs, scenario)
+        ),
         replay_error=float(np.abs(replay - states).max()),
         terminal_error=max(
             rest_error(replay[-1], scenario.goal_state), float(np.abs(states[0] - scenario.start_state).max())
         ),
-        hoop_clearance=hoop_clearance(arcs, scenario),
+        hoop_clearance=hoop_clearance(flight, arcs, scenario),
         lower_bound=bound,
         gap=flight.duration / bound - 1 if bound > 0 else math.inf,
     )
@@ -129,15 +158,46 @@ def drift(error: Array, time: Array) -> Array:
 
 
 def control_violation(flight: Flight, arcs: Arc, scenario: Scenario) -> float:
-    """Return the largest relative excess over the scenario's limits, of the controls told and of those flown again.
-
-    The ends of an interval are looked at from inside, where the controls may jump.
-    """
+    """Return the largest relative excess over the scenario's limits, of the controls told and of those flown again."""
     low, high = scenario.quadrotor.control_low, scenario.quadrotor.control_high
-    share = np.concatenate([[1e-9], np.arange(1, POINTS) / POINTS, [1 - 1e-9]])
-    time = flight.breakpoints[:-1, None] + np.diff(flight.breakpoints)[:, None] * share
-    control = np.concatenate([flight.control(time.ravel()), arcs.control])
-    return float(max(0.0, np.max(np.maximum(low - control, control - high) / high)))
+    least, greatest = control_range(flight)
+    least, greatest = np.minimum(least, arcs.control.min(axis=0)), np.maximum(greatest, arcs.control.max(axis=0))
+    excess = np.nan_to_num(np.maximum(low - least, greatest - high) / high, nan=math.inf, posinf=math.inf)
+    return float(max(0.0, excess.max()))
+
+
+def control_range(flight: Flight) -> Array:
+    """Return proven bounds of a flight's [thrust, rate], least and greatest, shape (2, 2); infinite if there are none.
+
+    Only a flight whose class is known, or that proves them itself, has any: what answers like a
+    `Trajectory` may still do something else between two breakpoints.
+    """
+    if isinstance(flight, Bounded):
+        return flight.control_range()
+    if type(flight) is Trajectory:
+        return np.array([flight.controls.min(axis=0), flight.controls.max(axis=0)])
+    if isinstance(flight, Trajectory):
+        return _extremal_range(flight)
+    return np.array([[-math.inf] * 2, [math.inf] * 2])
+
+
+def _extremal_range(flight: Trajectory) -> Array:
+    """Return the bounds of an extremal, which may have singular arcs; infinite for any other kind of `Trajectory`."""
+    # Here, because it leans on SciPy, which takes longer to import than all the rest.
+    from optimal.pontryagin import ExtremalFlight
+
+    if type(flight) is not ExtremalFlight:
+        return np.array([[-math.inf] * 2, [math.inf] * 2])
+    q = flight.costate(flight.breakpoints)[:, 2:4]
+    begin, end = q[:-1], q[1:]
+    along = end - begin
+    share = np.clip(-(begin * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-300), 0, 1)
+    least = ((begin + share[:, None] * along) ** 2).sum(axis=1)
+    with np.errstate(divide="ignore"):
+        rate = abs(flight.q1[0] * flight.q0[1] - flight.q1[1] * flight.q0[0]) / least
+    thrust, held = flight.controls.T
+    rate = float(np.where(np.isnan(held), rate, np.abs(held)).max())
+    return np.array([[thrust.min(), -rate], [thrust.max(), rate]])
 
 
 def fly_again(flight: Flight, scenario: Scenario, time: Array, states: Array) -> tuple[Array, Arc]:
@@ -172,10 +232,25 @@ def path_violation(arcs: Arc, scenario: Scenario) -> float:
         depth = max(depth, -float(arcs.lowest(-up).min()) - scenario.ceiling)
     radius = scenario.quadrotor.radius
     for hoop in scenario.hoops if radius > 0 else ():
-        for side in (-0.5, 0.5):
-            rim = hoop.centre + side * hoop.diameter * hoop.across
+        for rim in rim_points(hoop):
             depth = max(depth, radius - float(arcs.distance(np.broadcast_to(rim, (len(arcs), 2))).min()))
     return depth
+
+
+def told_path_violation(flight: Bounded, scenario: Scenario) -> float:
+    """Return what `path_violation` does, of the path that a flight tells [m]."""
+    depth, up, radius = 0.0, np.array([0.0, 1.0]), scenario.quadrotor.radius
+    if scenario.floor is not None:
+        depth = max(depth, scenario.floor + flight.farthest(-up))
+    if scenario.ceiling is not None:
+        depth = max(depth, flight.farthest(up) - scenario.ceiling)
+    rims = [rim for hoop in scenario.hoops for rim in rim_points(hoop)] if radius > 0 else []
+    return max([depth, *(radius - flight.nearest(rim) for rim in rims)])
+
+
+def rim_points(hoop: Hoop) -> Array:
+    """Return the two ends of a hoop's gap [m], shape (2, 2)."""
+    return np.asarray(hoop.centre + np.outer([-0.5, 0.5], hoop.diameter * hoop.across))
 
 
 def hoop_crossings(arcs: Arc, scenario: Scenario) -> list[tuple[float, float]]:
@@ -197,18 +272,38 @@ def hoop_crossings(arcs: Arc, scenario: Scenario) -> list[tuple[float, float]]:
             break
         aside = (rest[crossings].at(when[crossings])[:, 0:2] - hoop.centre) @ hoop.across
         clearance = hoop.diameter / 2 - scenario.quadrotor.radius - np.abs(aside)
-        chosen = int(np.argmax(clearance >= -TOLERANCE))
+        chosen = int(np.argmax(clearance >= -AGREEMENT))
         begin, after = begin + int(crossings[chosen]), float(when[crossings[chosen]])
         found.append((float(began[begin]) + after, float(clearance[chosen])))
     return found
 
 
-def hoop_clearance(arcs: Arc, scenario: Scenario) -> float:
-    """Return the least clearance of all hoops [m]; -inf where one is never crossed, inf where there is none."""
+def hoop_clearance(flight: Flight, arcs: Arc, scenario: Scenario) -> float:
+    """Return the least clearance of all hoops [m]; -inf where one is never crossed, inf where there is none.
+
+    A `Bounded` flight is looked at itself, at the instant close to the replay's crossing when it meets the
+    line; other flights are their replay.
+    """
     crossings = hoop_crossings(arcs, scenario)
     if len(crossings) < len(scenario.hoops):
         return -math.inf
+    if isinstance(flight, Bounded):
+        told = zip(scenario.hoops, crossings, strict=True)
+        return min((told_clearance(flight, scenario, hoop, time) for hoop, (time, _) in told), default=math.inf)
     return min((clearance for _, clearance in crossings), default=math.inf)
+
+
+def told_clearance(flight: Flight, scenario: Scenario, hoop: Hoop, time: float) -> float:
+    """Return the clearance with which a flight passes a hoop's line close to a time [m]; -inf where it does not."""
+    for _ in range(NEWTON_STEPS):
+        offset, velocity = flight(time) - hoop.centre, flight(time, 1)
+        along, speed = float(offset @ hoop.direction), float(velocity @ hoop.direction)
+        if speed <= 0 or not abs(along) <= AGREEMENT:
+            return -math.inf
+        if abs(along) <= MEETS:
+            return hoop.diameter / 2 - scenario.quadrotor.radius - abs(float(offset @ hoop.across))
+        time = min(max(time - along / speed, 0.0), flight.duration)
+    return -math.inf
 
 
 def crossing_times(flight: Flight, scenario: Scenario) -> Array:

@@ -17,12 +17,14 @@ from dataclasses import replace
 
 from flatgym.scenario import Scenario
 from optimal import transcription as tr
-from optimal.certificate import fly_again, path_violation
+from optimal.certificate import TOLERANCE, fly_again, path_violation
 from optimal.shooting import NODES, Shape, Shot, attempt, packed, phase_steps
 
-CLEAR = 5e-7
-"""Depth in a rim that counts as clear [m]."""
-ROUNDS = 6
+CLEAR = TOLERANCE
+"""Depth in a rim that counts as clear, and what the clearance grows by beyond the depth measured [m]."""
+AMPLE = 1.1
+"""By how many times the depth the clearance grows: when pushed out here, the body dips in again nearby."""
+ROUNDS = 8
 """Times the clearance may grow."""
 
 
@@ -54,5 +56,5 @@ def keep_clear(scenario: Scenario, shot: Shot, *, nodes: int = NODES, tolerant: 
         shot = attempt(scenario, shape, shot.winding, guess, warm=True, clearance=clearance)
         iterations += shot.iterations
         depth = rim_depth(scenario, shot)
-        clearance += depth
+        clearance += AMPLE * depth + CLEAR
     return replace(shot, converged=shot.converged and depth <= CLEAR, iterations=iterations)

@@ -39,12 +39,7 @@ def save(samples: Samples, path: str | Path) -> Path:
     table = np.column_stack([samples.time, samples.state, samples.control])
     if not np.isfinite(table).all():
         raise ValueError("samples must be finite numbers; this flight holds NaN or infinity")
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        write(temporary, table)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(path, lambda temporary: write(temporary, table))
     return path
 
 
@@ -65,6 +60,22 @@ def load(path: str | Path) -> Samples:
     if table.size == 0 or not np.isfinite(table).all():
         raise ValueError(f"{path} must hold finite numbers and at least one row")
     return Samples(table[0], table[1:6].T, table[6:8].T)
+
+
+def write_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Have a file written under a temporary name beside it, then rename it: a reader never sees half of it."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        write(temporary)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all, in a folder that is made where it does not exist."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
 def _write_csv(path: Path, table: Array) -> None:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
 
 from flatgym.quadrotor import Array, Quadrotor
+from optimal.flat_bounds import UNKNOWN, control_range, farthest, nearest
 from optimal.paths import Path
 from optimal.systems import FlatSystem, PlanarQuadrotor, along_path
 from optimal.trajectory import Samples, sample
@@ -222,9 +223,33 @@ class FlatTrajectory:
         values = np.nan_to_num(self.system.limited_values(jet), nan=np.inf)
         return np.moveaxis(np.stack([values - high, low - values]), -1, 1)
 
+    def control_range(self) -> Array:
+        """Return proven bounds of [thrust, rate], least and greatest, shape (2, 2); infinite where nothing is shown."""
+        if not isinstance(self.system, PlanarQuadrotor):
+            return UNKNOWN
+        return control_range(self, self.system.quadrotor.gravity)
+
+    def farthest(self, direction: Array) -> float:
+        """Return a proven upper bound of position . direction [m]; inf where nothing is shown."""
+        return farthest(self, direction)
+
+    def nearest(self, point: Array) -> float:
+        """Return a proven lower bound of the distance to a point [m]; 0 where nothing is shown."""
+        return nearest(self, point)
+
     def violation(self) -> float:
         """Return the largest overstepping of a limit relative to its scale, at least 0."""
         return max(0.0, float(self.excess().max(initial=0.0)))
+
+    def proven_violation(self) -> float:
+        """Return a proven upper bound of `violation`; 0 where nothing is shown, sampling being all there is."""
+        bounds = self.control_range()
+        if not np.isfinite(bounds).all():
+            return 0.0
+        q = self.quadrotor
+        return max(
+            0.0, float((np.maximum(q.control_low - bounds[0], bounds[1] - q.control_high) / q.control_high).max())
+        )
 
     def slowed(self, most: float) -> FlatTrajectory | None:
         """Return the same path travelled just slowly enough to keep all limits.
@@ -239,7 +264,7 @@ class FlatTrajectory:
         while factor <= most:
             slower = replace(self, squared_speed=_scaled(self.squared_speed, factor**-2))
             violation = float(self._overstep([y / factor**k for k, y in enumerate(jet)]).max(initial=0.0))
-            violation = violation or slower.violation()
+            violation = violation or slower.violation() or slower.proven_violation()
             if violation == 0:
                 return slower
             factor *= 1 + 1.01 * violation + 1e-9
@@ -250,7 +275,7 @@ class FlatTrajectory:
         found, faster = None, self
         while faster.violation() == 0:
             found, faster = faster, replace(faster, squared_speed=_scaled(faster.squared_speed, HASTE**2))
-        return found
+        return found and found.slowed(HASTE)
 
 
 def _scaled(spline: BSpline, factor: float) -> BSpline:

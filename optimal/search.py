@@ -6,7 +6,9 @@ turns alone take longer than the fastest flight found so far,
 
     2 pi |winding| / rate_max > T,
 
-as no flight of it can win: a proof, and free. For `hoop` it spares |winding| = 3.
+as no flight of it can win: a proof, and free. For `hoop` it spares |winding| = 3. Most others are
+hopeless by the costates of a flight already found, see `optimal.turns`: of random goals' seven
+windings two or three remain.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ import numpy as np
 from flatgym.scenario import Scenario
 from optimal.clearance import keep_clear
 from optimal.shooting import NODES, WINDINGS, Shot, explore, refine
+from optimal.turns import SLACK, hopeless
 
 STARTS = 3
 """Starts for each winding: one may fail or end in a slower optimum, and agreement can only be seen among several."""
@@ -56,7 +59,6 @@ def search(
     starts: int = STARTS,
     seed: int = 0,
     nodes: int = NODES,
-    tolerant: bool = False,
 ) -> Search:
     """Return the flights found from all windings and starts.
 
@@ -66,22 +68,19 @@ def search(
         starts: starts for each winding, the first plain and the others drawn.
         seed: seed of the drawn starts.
         nodes: steps of the whole flight.
-        tolerant: end anywhere within the scenario's tolerance instead of exactly at rest.
 
     Raises:
         ValueError: when there is no winding or no start.
     """
-    if not windings or starts < 1:
-        raise ValueError(f"needs at least one winding and one start, got windings={windings!r}, starts={starts!r}")
-    tried = _explore(scenario, windings, starts, np.random.default_rng(seed), nodes, tolerant)
+    tried = survey(scenario, windings, starts=starts, seed=seed, nodes=nodes)
     flown: list[tuple[Shot, int]] = []
     iterations, fastest = sum(shot.iterations for shot in tried), math.inf
-    for kind in _kinds(tried):
-        point = refine(scenario, kind[0], nodes=nodes, tolerant=tolerant)
+    for kind in kinds(tried):
+        point = refine(scenario, kind[0], nodes=nodes)
         shot = point
         # Rims only cost time: a point slower than a body that keeps clear of them need not be cleared.
         if point.converged and point.trajectory.duration < fastest * (1 + AGREEMENT):
-            shot = keep_clear(scenario, point, nodes=nodes, tolerant=tolerant)
+            shot = keep_clear(scenario, point, nodes=nodes)
             fastest = min(fastest, shot.trajectory.duration if shot.converged else math.inf)
         iterations += shot.iterations - kind[0].iterations
         if shot.converged:
@@ -91,39 +90,56 @@ def search(
     return Search(tuple(shot for shot, _ in flown), len(tried), agreed, iterations)
 
 
-def _explore(
+def survey(
     scenario: Scenario,
     windings: Sequence[int],
-    starts: int,
-    generator: np.random.Generator,
-    nodes: int,
-    tolerant: bool,
+    *,
+    starts: int = STARTS,
+    seed: int = 0,
+    nodes: int = NODES,
+    slack: float = SLACK,
 ) -> list[Shot]:
-    """Return the flights on the coarse grid of all windings and starts that could still win."""
+    """Return the flights on the coarse grid, converged or not, of all windings and starts that could still win.
+
+    Args:
+        scenario, windings, starts, seed, nodes: as for `search`; what is drawn for a start depends on no other.
+        slack: how much slower than the fastest, relatively, still counts as winning.
+
+    Raises:
+        ValueError: when there is no winding or no start.
+    """
+    if not windings or starts < 1:
+        raise ValueError(f"needs at least one winding and one start, got windings={windings!r}, starts={starts!r}")
     tried: list[Shot] = []
-    fastest, slack = math.inf, scenario.tolerance.angle if tolerant else 0.0
-    for winding in sorted(windings, key=abs):
-        if (2 * math.pi * abs(winding) - slack) / scenario.quadrotor.rate_max > fastest:
-            break
+    left, fastest = sorted(dict.fromkeys(windings), key=abs), math.inf
+    while left and 2 * math.pi * abs(left[0]) / scenario.quadrotor.rate_max <= fastest * (1 + slack):
+        winding = left.pop(0)
         for i in range(starts):
-            draw = generator if i else None
-            tried.append(explore(scenario, winding, nodes=nodes, tolerant=tolerant, generator=draw))
-        fastest = min((shot.trajectory.duration for shot in tried if shot.converged), default=math.inf)
+            draw = np.random.default_rng((seed, winding % 2**32, i)) if i else None
+            shot = explore(scenario, winding, nodes=nodes, generator=draw)
+            tried.append(shot)
+            if shot.converged:
+                fastest = min(fastest, shot.trajectory.duration)
+            if shot.converged and i == 0:
+                out = hopeless(scenario, shot, fastest * (1 + slack), {winding, *left})
+                left = [other for other in left if other not in out]
+                if winding in out:
+                    break
     return tried
 
 
-def _kinds(tried: Sequence[Shot]) -> list[list[Shot]]:
+def kinds(tried: Sequence[Shot]) -> list[list[Shot]]:
     """Return the flights fast enough to go on, alike ones together, the fastest first."""
-    kinds: list[list[Shot]] = []
+    found: list[list[Shot]] = []
     converged = sorted((shot for shot in tried if shot.converged), key=lambda shot: shot.trajectory.duration)
     for shot in converged:
         if shot.trajectory.duration > converged[0].trajectory.duration * (1 + MARGIN):
             break
-        for kind in kinds:
+        for kind in found:
             alike = shot.trajectory.duration <= kind[0].trajectory.duration * (1 + SAME)
             if kind[0].winding == shot.winding and alike:
                 kind.append(shot)
                 break
         else:
-            kinds.append([shot])
-    return kinds
+            found.append([shot])
+    return found

@@ -29,7 +29,7 @@ import numpy as np
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
 from optimal import transcription as tr
-from optimal.stages import COLD, WARM, Indices, Stages, solver, tightened
+from optimal.stages import COLD, TOUCHING, WARM, Indices, Stages, solver, tightened
 from optimal.trajectory import Trajectory
 
 NODES = 100
@@ -199,7 +199,9 @@ def bounds(scenario: Scenario, shape: Shape, winding: int, clearance: float = 0.
     limits = np.zeros((2, count))
     if further:
         kept = [constraint_limits(scenario, kind, i, clearance) for _, kind, i in further]
-        limits[:, rows] = np.concatenate(kept, axis=1)
+        least, most = np.concatenate(kept, axis=1)
+        limits[:, rows] = tightened(least, most, TOUCHING)
+    low, high = tightened(low, high, TOUCHING)
     weakest, strongest = tightened(q.control_low, q.control_high)
     return {
         "lbx": stages.pack(np.full(len(shape.steps), 1e-5), low.T, weakest),

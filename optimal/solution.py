@@ -36,6 +36,7 @@ class Status(StrEnum):
     NO_STEPS_FOUND = (
         "Not solved: no flight was found in the number of steps tried; raise the time limit or check the scenario."
     )
+    BROKEN_OFF = "Not solved: the computation broke off with an error."
 
 
 class SolveFailed(RuntimeError):

@@ -52,8 +52,11 @@ WARM: dict[str, Any] = COLD | {
 }
 """Settings of a solve from nearby: the start is not pushed off its bounds, the barrier is low from the beginning."""
 
-RELAXED = 1.01e-8
+RELAXED = 1e-8
 """How far the solver relaxes bounds, relative to their size or to 1."""
+TIGHT, TOUCHING = 1.01, 0.99
+"""What share of that bounds are moved inwards: more than all of it, or less where a flight begins or ends on its limit,
+as at rest on the floor, and must stay inside; 1e-10 m is left over."""
 TERMS = 6
 """Terms of the power series: exact to rounding for steps that turn by 1 rad, to 1e-9 for 2 rad."""
 
@@ -292,9 +295,19 @@ def solver(stages: Stages, problem: dict[str, Any], further: Sequence[Constraint
     return ca.nlpsol("stages", "fatrop", program, {**options, "equality": equations, "cache": known})
 
 
-def tightened(low: Array, high: Array) -> tuple[Array, Array]:
-    """Return bounds moved inwards by what the solver relaxes them, so that a solution keeps the true ones."""
-    return low + RELAXED * np.maximum(1, np.abs(low)), high - RELAXED * np.maximum(1, np.abs(high))
+def tightened(low: Array, high: Array, share: float = TIGHT) -> tuple[Array, Array]:
+    """Return bounds moved inwards by what the solver relaxes them, so that a solution keeps the true ones.
+
+    Equations and what is unbounded stay as they are.
+
+    Args:
+        low, high: the bounds.
+        share: of the relaxation; less than 1 where the true bound itself must remain feasible.
+    """
+    room, least, most = high - low > 0, np.isfinite(low), np.isfinite(high)
+    up = np.where(room & least, share * RELAXED * np.maximum(1, np.abs(np.where(least, low, 0.0))), 0.0)
+    down = np.where(room & most, share * RELAXED * np.maximum(1, np.abs(np.where(most, high, 0.0))), 0.0)
+    return low + up, high - down
 
 
 def _selection(columns: Indices, width: int) -> Any:

@@ -1,28 +1,22 @@
 """The environment's own optimum K*: the fewest steps of dt that end within the tolerance.
 
-For a fixed number of steps K everything is as the environment has it - constant control over dt,
-a round tolerance at the goal, hoops crossed anywhere inside a step - and the program asks how
-small the tolerance could be made:
+The fastest flights from rest to rest on the coarse grid, one of each kind, say about how many steps
+it takes: their costates (r, q, p) tell what the tolerance saves, to first order
 
-    minimise  m
-    such that |p - goal|^2 <= m position^2,  |v|^2 <= m speed^2,  (theta - 2 pi w)^2 <= m angle^2,
-              X[k+1] = step(X[k], U[k], dt),  limits and heights,
-              hoop i crossed tau_i seconds into step j_i.
+    T - T_tolerant = position |r| + speed |q(T)| + angle |p(T)|.
 
-K steps are enough when m <= 1. The time in which the tolerance can be reached with free step
-lengths gives the first K to try; from there K grows until a flight is found, and what is found
-counts only after its float32 actions have been flown in the environment to the outcome "goal".
+From there K goes down as long as a flight in K steps is found, else up until one is
+(`optimal.step_program`). What is found counts only after its float32 actions have been flown in the
+environment to the outcome "goal".
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,21 +24,27 @@ from flatgym import task
 from flatgym.catalogue import ScenarioLike, scenario
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
-from flatgym.scene import GOAL
+from flatgym.scene import FLYING, GOAL, Scene, Situation
+from optimal import step_program as program
 from optimal import transcription as tr
 from optimal.bounds import projection_bound
 from optimal.certificate import crossing_times
-from optimal.feasibility import impossible
-from optimal.search import search
+from optimal.feasibility import impossible, too_far
+from optimal.search import kinds, survey
 from optimal.shooting import WINDINGS, Shot
 from optimal.solution import SolveFailed, Status
+from optimal.trajectory import Trajectory
 
-HOOP_MARGIN = 1e-5
-"""How far inside a gap a planned crossing stays [m]: float32 actions move the path by less."""
 ARRIVAL_MARGIN = 1e-3
-"""How far below 1 the smallest tolerance m must be, for the same reason."""
-EXTRA_STEPS = 5
-"""How many K are tried, beginning with the first that free step lengths allow."""
+"""How far below 1 the smallest tolerance m must be: float32 actions move the end by less."""
+EXTRA_STEPS = 8
+"""How many K are tried upwards, beginning with the first that seems possible."""
+COARSE = 0.02
+"""How much slower, relatively, a flight on the coarse grid may be than one in environment steps."""
+STARTS = 2
+"""Starts for each winding; with three no random goal takes fewer steps."""
+ROUNDS = 6
+"""How often the steps that cross the hoops are moved."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,15 @@ class FewestSteps:
         return self.lower_bound >= self.steps
 
 
+class Found(NamedTuple):
+    """A flight that was replayed: actions (K, 2), states (K+1, 5), winding, tolerance used."""
+
+    actions: NDArray[np.float32]
+    states: Array
+    winding: int
+    tolerance_used: float
+
+
 def fewest_steps(problem: ScenarioLike, *, windings: Sequence[int] = WINDINGS, throw: bool = True) -> FewestSteps:
     """Return the fewest environment steps in which a flight of the scenario is found.
 
@@ -93,23 +102,19 @@ def fewest_steps(problem: ScenarioLike, *, windings: Sequence[int] = WINDINGS, t
         ValueError: for an unknown scenario.
     """
     target = scenario(problem)
-    reason = impossible(target)
-    shots = () if reason else search(target, windings=windings, tolerant=True).shots
     bound = math.ceil(projection_bound(target, target.tolerance) / target.dt - 1e-9)
-    if shots:
-        first = math.ceil(shots[0].trajectory.duration / target.dt - 1e-9)
-        for count in range(first, min(first + EXTRA_STEPS, target.max_steps + 1)):
-            for shot in shots:
-                if shot.trajectory.duration <= count * target.dt + 1e-9:
-                    found = _fly_in(target, shot, count)
-                    if found is not None:
-                        return FewestSteps(target, count, *found, bound, Status.BEST_KNOWN)
-    nothing = np.zeros((0, 2), np.float32)
-    status = Status.INFEASIBLE if reason else Status.NO_STEPS_FOUND
+    reason = impossible(target) or too_far(target)
+    shots = [] if reason else [kind[0] for kind in kinds(survey(target, windings, starts=STARTS, slack=COARSE))]
+    found = search_steps(target, shots, bound)
+    if found is not None:
+        steps = len(found.actions)
+        return FewestSteps(target, steps, *found, lower_bound=bound, status=Status.BEST_KNOWN)
+    status = Status.INFEASIBLE if impossible(target) else Status.NO_STEPS_FOUND
     if bound > target.max_steps:
         status, reason = Status.INFEASIBLE, _too_late(target, bound)
-    elif not reason and shots:
-        reason = f"The fastest flight found takes {shots[0].trajectory.duration:.4g} s of {target.time_limit:g} s."
+    elif shots:
+        reason = f"The fastest flight found takes about {expected(target, shots[0]):.4g} s of {target.time_limit:g} s."
+    nothing = np.zeros((0, 2), np.float32)
     result = FewestSteps(target, math.inf, nothing, np.zeros((0, 5)), 0, math.inf, bound, status, reason)
     if throw:
         raise SolveFailed(target, result)
@@ -123,105 +128,114 @@ def _too_late(target: Scenario, bound: int) -> str:
     )
 
 
-def _fly_in(target: Scenario, shot: Shot, count: int) -> tuple[NDArray[np.float32], Array, int, float] | None:
-    """Look for a flight in `count` steps near a free-time one; return actions, states, winding, tolerance used."""
-    solver = program(count, len(target.hoops), tr.limited(target))
-    for crossings in _crossing_steps(target, shot, count):
-        result = solver(x0=_first_guess(target, shot, crossings, count), **_bounds(target, shot, crossings, count))
-        values = np.array(result["x"]).ravel()
-        if solver.stats()["return_status"] not in tr.SUCCESS or values[0] > 1 - ARRIVAL_MARGIN:
+def expected(target: Scenario, shot: Shot) -> float:
+    """Return about how long a flight like `shot` takes when it may end anywhere within the tolerance [s]."""
+    costate, tolerance = shot.costates[-1], target.tolerance
+    shares = [np.hypot(*costate[0:2]), np.hypot(*costate[2:4]), abs(costate[4])]
+    return shot.trajectory.duration - float(np.dot(shares, [tolerance.position, tolerance.speed, tolerance.angle]))
+
+
+def search_steps(target: Scenario, shots: Sequence[Shot], bound: int) -> Found | None:
+    """Return the flight in the fewest steps that is found near free-time ones; None where there is none.
+
+    Args:
+        target: what to fly.
+        shots: flights from rest to rest, the fastest first.
+        bound: fewer steps than this are impossible.
+    """
+    best: Found | None = None
+    for shot in shots:
+        least = max(bound, math.ceil(expected(target, shot) * (1 - COARSE) / target.dt))
+        first = max(bound, math.ceil(expected(target, shot) / target.dt))
+        count = min(first, target.max_steps if best is None else len(best.actions) - 1)
+        if count < least:
             continue
-        controls = values[1 + 5 * (count + 1) :][: 2 * count].reshape(count, 2)
-        actions = np.clip(target.quadrotor.action(controls), -1, 1).astype(np.float32)
-        states = replay(target, actions)
-        if states is not None:
-            return actions, states, shot.winding, math.sqrt(values[0])
+        found = fly_in(target, shot.trajectory, shot.winding, count)
+        while found is None and best is None and count < min(first + EXTRA_STEPS, target.max_steps):
+            count += 1
+            found = fly_in(target, shot.trajectory, shot.winding, count)
+        while found is not None:
+            best = found
+            found = one_step_less(target, shot, best) if len(best.actions) > bound else None
+    return best
+
+
+def one_step_less(target: Scenario, shot: Shot, best: Found) -> Found | None:
+    """Return a flight of at least one step less than the best; with hoops, a second start is the best flight itself.
+
+    Without hoops a second start would be in vain: all led to the same m.
+    """
+    count = len(best.actions) - 1
+    found = fly_in(target, shot.trajectory, shot.winding, count)
+    if found is not None or not target.hoops:
+        return found
+    time, controls = target.dt * np.arange(count + 2.0), target.quadrotor.control(best.actions)
+    return fly_in(target, Trajectory(time, best.states, controls, target.quadrotor), best.winding, count)
+
+
+def fly_in(target: Scenario, flight: Trajectory, winding: int, count: int) -> Found | None:
+    """Return a flight of at most `count` steps near another one, flown in the environment; None if none is found.
+
+    Hoops are crossed in the same steps as in that flight, then in those to which the solution presses.
+    """
+    crossings = crossing_steps(target, flight, count)
+    tried: set[tuple[int, ...]] = set()
+    guess = program.first_guess(target, flight, count)
+    rims = bool(target.hoops) and target.quadrotor.radius > 0
+    margins = list(program.RIM_MARGINS) if rims else [0.0]
+    while len(crossings) == len(target.hoops) and crossings not in tried and len(tried) < ROUNDS:
+        tried.add(crossings)
+        shape = program.StepShape(count, tr.limited(target), crossings, rims)
+        flown = program.fly(target, shape, winding, guess, margins[0])
+        if flown.m <= 1 - ARRIVAL_MARGIN:
+            actions = np.clip(target.quadrotor.action(flown.controls), -1, 1).astype(np.float32)
+            states = replay(target, actions)
+            if states is not None:
+                return Found(actions[: len(states) - 1], states, winding, math.sqrt(max(flown.m, 0.0)))
+            if len(margins) > 1:  # touched a rim between two points looked at
+                margins.pop(0)
+                tried.discard(crossings)
+                continue
+        shift = (flown.shares > 1 - PRESSED).astype(int) - (flown.shares < PRESSED)
+        crossings = tuple(int(j) for j in np.clip(np.array(crossings, int) + shift, 0, count - 1))
     return None
 
 
+PRESSED = 0.02
+"""A crossing this near to an end of its step, as a share of it, presses to the next one."""
+
+
+def crossing_steps(target: Scenario, flight: Trajectory, count: int) -> tuple[int, ...]:
+    """Return the steps in which a flight, flown in `count` steps, crosses the hoops; fewer where it grazes one."""
+    times = crossing_times(flight, target) if target.hoops else np.zeros(0)
+    return tuple(int(j) for j in np.clip(np.floor(times / flight.duration * count), 0, count - 1))
+
+
 def replay(target: Scenario, actions: NDArray[np.float32]) -> Array | None:
-    """Fly actions (K, 2) by the environment's own verbs; return the states (K+1, 5).
+    """Fly actions (K, 2) by the environment's own verbs; return the states up to the goal, None if it is missed."""
+    if target.hoops:
+        flown = task.fly_actions(target, actions)
+        return np.array([situation.state[0] for situation in flown]) if flown[-1].outcome[0] == GOAL else None
+    # Without hoops a step knows nothing of the others but its state: all are judged at once.
+    states, count = flown_states(target, actions), len(actions)
+    nothing = np.zeros(count, dtype=np.int64)
+    before = Situation(states[:-1], np.arange(count), nothing, nothing)
+    after = task.advance(Scene.of([target] * count), before, target.quadrotor.control(actions))
+    ends = np.flatnonzero(after.outcome != FLYING)
+    if not ends.size or after.outcome[ends[0]] != GOAL:
+        return None
+    return states[: ends[0] + 2]
 
-    None unless the flight reaches the goal with the last action and not before.
+
+def flown_states(target: Scenario, actions: NDArray[np.float32]) -> Array:
+    """Return the states to which actions (K, 2) lead from the start, shape (K+1, 5).
+
+    Each step is flown from zero position and velocity; as these enter the equations linearly, the steps add up.
     """
-    flown = task.fly_actions(target, actions)
-    arrived = len(flown) == len(actions) + 1 and flown[-1].outcome[0] == GOAL
-    return np.array([situation.state[0] for situation in flown]) if arrived else None
-
-
-@lru_cache(maxsize=64)
-def program(count: int, hoop_count: int, limited: bool) -> Any:
-    """Return the parametric solver for `count` steps.
-
-    Unknowns in this order: m, X (5, K+1) and U (2, K) by columns, and for each hoop the state and
-    the control at the beginning of the step that crosses it (7,) and the time within it (1,);
-    parameters: gravity, dt, hoops (4, H), target (6,), one column of K zeros and a one for each
-    hoop that picks the crossing step; constraints: step gaps (5 K,), heights (2 K,) if limited,
-    picked minus copied (7 H,), crossings (3 H,), arrival minus m (3,).
-    """
-    states, controls, m = ca.MX.sym("X", 5, count + 1), ca.MX.sym("U", 2, count), ca.MX.sym("m")
-    copies = ca.MX.sym("Y", 8, hoop_count)
-    gravity, dt, target = ca.MX.sym("g"), ca.MX.sym("dt"), ca.MX.sym("target", 6)
-    hoops, picks = ca.MX.sym("hoops", 4, hoop_count), ca.MX.sym("picks", count, hoop_count)
-    lengths = ca.repmat(dt, 1, count)
-    constraints = [tr.gaps(states, controls, lengths, gravity)]
-    if limited:
-        constraints.append(tr.heights(states, lengths))
-    # The copies keep the Hessian sparse: the crossing is nonlinear in 8 unknowns, not in all.
-    constraints.append(ca.vec(ca.vertcat(states[:, :-1], controls) @ picks - copies[:7, :]))
-    for i in range(hoop_count):
-        inside = tr.step_function()(copies[:5, i], copies[5:7, i], copies[7, i], gravity)
-        constraints.append(tr.crossing(inside, hoops[:, i]))
-    constraints.append(tr.arrival(states[:, -1], target) - m)
-    unknowns = [m, ca.vec(states), ca.vec(controls), ca.vec(copies)]
-    problem = {
-        "x": ca.vertcat(*unknowns),
-        "p": ca.vertcat(gravity, dt, ca.vec(hoops), target, ca.vec(picks)),
-        "f": m,
-        "g": ca.vertcat(*constraints),
-    }
-    return ca.nlpsol("steps", "ipopt", problem, {"expand": True, **tr.IPOPT})
-
-
-def _bounds(target: Scenario, shot: Shot, crossings: Sequence[int], count: int) -> dict[str, Array]:
-    low, high = tr.state_limits(target, count + 1)
-    q, hoop_count = target.quadrotor, len(target.hoops)
-    floor, ceiling = tr.height_limits(target)
-    heights = 2 * count * tr.limited(target)
-    crossing_low, crossing_high = tr.crossing_limits(target, HOOP_MARGIN)
-    copy_low, copy_high = np.append(np.full(7, -np.inf), 0.0), np.append(np.full(7, np.inf), target.dt)
-    zeros = np.zeros(7 * hoop_count)
-    picks = np.eye(count)[list(crossings)]
-    parameters = [[q.gravity, target.dt], tr.hoop_parameters(target).T.ravel(), tr.arrival_target(target, shot.winding)]
-    return {
-        "lbx": np.concatenate([[0.0], low.T.ravel(), np.tile(q.control_low, count), np.tile(copy_low, hoop_count)]),
-        "ubx": np.concatenate([[1e6], high.T.ravel(), np.tile(q.control_high, count), np.tile(copy_high, hoop_count)]),
-        "lbg": np.concatenate([np.zeros(5 * count), np.full(heights, floor), zeros, crossing_low, np.full(3, -np.inf)]),
-        "ubg": np.concatenate([np.zeros(5 * count), np.full(heights, ceiling), zeros, crossing_high, np.zeros(3)]),
-        "p": np.concatenate([*parameters, picks.ravel()]),
-    }
-
-
-def _first_guess(target: Scenario, shot: Shot, crossings: Sequence[int], count: int) -> Array:
-    """Return the free-time flight, sampled at `count` even steps, as a start for `program`."""
-    flight = shot.trajectory
-    time = np.linspace(0.0, flight.duration, count + 1)
-    states, thrust = tr.resampled(flight, time)
-    controls = np.stack([thrust, np.diff(states[:, 4]) / time[1]], axis=-1)
-    copies = [np.append(np.append(states[j], controls[j]), target.dt / 2) for j in crossings]
-    return np.concatenate([[1.0], states.ravel(), controls.ravel(), *copies])
-
-
-def _crossing_steps(target: Scenario, shot: Shot, count: int) -> Iterator[tuple[int, ...]]:
-    """Yield the steps in which each hoop may be crossed: as in the free-time flight, then one off at one hoop."""
-    times = crossing_times(shot.trajectory, target)
-    if len(times) < len(target.hoops):  # grazed rather than crossed: no step to begin with
-        return
-    base = np.clip(np.floor(times / shot.trajectory.duration * count), 0, count - 1).astype(int)
-    yield tuple(map(int, base))
-    for i in range(len(base)):
-        for shift in (-1, 1):
-            moved = base.copy()
-            moved[i] += shift
-            if 0 <= moved[i] < count:
-                yield tuple(map(int, moved))
+    controls, still = target.quadrotor.control(actions), np.zeros((len(actions), 5))
+    theta = np.append(0.0, np.cumsum(controls[:, 1] * target.dt))
+    still[:, 4] = theta[:-1]
+    change = target.quadrotor.step(still, controls, target.dt)
+    velocity = np.append(np.zeros((1, 2)), np.cumsum(change[:, 2:4], axis=0), axis=0)
+    way = np.append(np.zeros((1, 2)), np.cumsum(velocity[:-1] * target.dt + change[:, 0:2], axis=0), axis=0)
+    return np.column_stack([way + target.start, velocity, theta])

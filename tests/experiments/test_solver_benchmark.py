@@ -6,7 +6,7 @@ import joblib
 import numpy as np
 import pytest
 
-from experiments import solver_benchmark
+from experiments import batch_benchmark, solver_benchmark
 from experiments.benchmarking import convergence_order, random_goal
 from experiments.files import SCHEMA
 from experiments.rockit_peer import rockit_solver
@@ -19,6 +19,7 @@ def results(tmp_path_factory):
     out = tmp_path_factory.mktemp("solvers") / "solvers.json"
     with joblib.parallel_config(backend="threading"), pytest.MonkeyPatch.context() as patch:
         patch.setattr(solver_benchmark, "PROCESSES", 1)
+        patch.setattr(batch_benchmark, "JOBS", 1)
         main(["--quick", "--out", str(out)])
     return json.loads(out.read_text())
 
@@ -50,6 +51,13 @@ def test_both_solvers_fly_the_same_flight(results):
     ours, peer, load = results["sections"]["speed"]["rows"]
     assert ours["time_s"] == pytest.approx(peer["time_s"], rel=1e-3)  # Runge-Kutta on ten steps is not exact
     assert all(row["median_s"] > 0 for row in (ours, peer, load))
+
+
+def test_batches_are_counted(results):
+    for row in results["sections"]["batch"]["rows"]:
+        assert row["per_second"] == pytest.approx(row["scenarios"] / row["wall_time_s"])
+        assert sum(row["statuses"].values()) == row["scenarios"]
+        assert all(status.startswith("Solved") for status in row["statuses"])
 
 
 def test_the_order_of_a_known_sequence_is_found():

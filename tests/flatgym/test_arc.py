@@ -59,3 +59,15 @@ def test_reach_bounds_every_way(generator, quadrotor):
     _, positions = dense(arc, 101)
     travelled = np.hypot(*(positions - positions[:, :1]).transpose(2, 0, 1)).max(axis=1)
     assert np.all(travelled <= arc.reach)
+
+
+def test_no_approach_is_missed_on_long_steps(generator, quadrotor):
+    # Two closest approaches within one step, and points the vehicle circles or stays with.
+    arc = arcs(generator, quadrotor, n=500, dt=0.5)
+    point = generator.normal(0, 1.0, (len(arc), 2))
+    _, positions = dense(arc, 8001)
+    near = np.hypot(*(positions - point[:, None]).transpose(2, 0, 1)).min(axis=1)
+    found = arc.distance(point)
+    assert np.all((found <= near + 1e-12) & (found >= near - 1e-4))
+    hover = Arc(quadrotor, np.zeros((2, 5)), np.array([[9.81, 0.0], [9.81, 1e-6]]), 0.1)
+    np.testing.assert_allclose(hover.distance(np.array([[0.3, 0.4], [0.0, 0.0]])), [0.5, 0.0], atol=1e-9)

@@ -7,8 +7,14 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario
-from optimal.certificate import Certificate, certify
+from optimal.certificate import Certificate, certify, control_range
+from optimal.flat_trajectory import FlatTrajectory
+from optimal.paths import PolynomialPath, Resting, smoothstep
+from optimal.pontryagin import pontryagin
 from optimal.shooting import shoot
+from optimal.splines import SplineSpace
+from optimal.systems import PlanarQuadrotor
+from optimal.trajectory import Trajectory
 
 
 @pytest.fixture(scope="module", params=["ground-6", "hoop", "slalom", "loop"])
@@ -108,3 +114,128 @@ def test_the_wrong_goal_is_seen():
     flight = shoot(SCENARIOS["horizontal-3"]).trajectory
     elsewhere = Scenario("elsewhere", (0, 0), (3.01, 0))
     assert certify(flight, elsewhere).terminal_error == pytest.approx(0.01, abs=1e-6)
+
+
+def flat(path=None, bump=0.0, at=0.4, width=1e-3):
+    """Return a slow flat flight 4 m to the right, b(s) = 0.1 but for a bump between two close nodes."""
+    nodes = np.array([0.0, at - width, at, at + width, 1.0])
+    space = SplineSpace(nodes, 3, 2)
+    speed = np.full(space.size, 0.1)
+    speed[(space.centres > at - width / 2) & (space.centres < at + width / 2)] += bump
+    still = SplineSpace(nodes, 4, 2)
+    path = path or PolynomialPath((tuple((4.0 * smoothstep(4)).coef), (0.0,)))
+    return FlatTrajectory(
+        PlanarQuadrotor(), (path,), nodes, still.spline(np.zeros((still.size, 0))), space.spline(speed)
+    )
+
+
+def with_knots(flight, nodes):
+    """Return a flight whose intervals are no longer its smooth pieces, so that samples miss what is narrow."""
+    return replace(flight, nodes=np.array(nodes))
+
+
+FOUR = Scenario("four", (0, 0), (4, 0))
+
+
+def test_a_needle_between_the_samples_is_seen():
+    assert certify(flat(), FOUR).holds()
+    needle = with_knots(flat(bump=0.02, at=0.4051, width=2e-4), [0.0, 1.0])
+    # 32 points of an interval see nothing of it: every value told there is well within the limits.
+    time = needle.duration * np.arange(1, 32) / 32
+    thrust, rate = needle.control(time).T
+    assert np.all((thrust < 19) & (thrust > 2) & (np.abs(rate) < 9))
+    assert needle.violation() == 0
+    certificate = certify(needle, FOUR)
+    assert certificate.max_control_violation > 0.01
+    assert not certificate.holds()
+
+
+def test_ranges_of_flat_flights_are_tight():
+    flight = flat()
+    controls = flight.control(np.linspace(0, flight.duration, 20001))
+    least, greatest = control_range(flight)
+    assert np.all(least <= controls.min(axis=0) + 1e-12)
+    assert np.all(greatest >= controls.max(axis=0) - 1e-12)
+    assert np.hypot(least[0] - controls[:, 0].min(), greatest[0] - controls[:, 0].max()) < 1e-6
+    assert greatest[1] == pytest.approx(np.abs(controls[:, 1]).max(), abs=1e-6)
+    assert least[1] == -greatest[1]
+    # Reparametrised, the same kind of path is bounded through the composition.
+    rested = flat(Resting(PolynomialPath(((0.0, 4.0), (0.0, 0.5, -0.5)))))
+    controls = rested.control(np.linspace(0, rested.duration, 20001))
+    least, greatest = control_range(rested)
+    assert greatest[0] == pytest.approx(controls[:, 0].max(), abs=1e-6)
+    assert least[0] == pytest.approx(controls[:, 0].min(), abs=1e-6)
+    assert greatest[1] == pytest.approx(np.abs(controls[:, 1]).max(), abs=1e-6)
+
+
+def test_heights_and_distances_of_flat_flights_are_bounds():
+    flight = flat(Resting(PolynomialPath(((0.0, 4.0), (0.0, 0.5, -0.5)))))
+    path = flight(np.linspace(0, flight.duration, 20001))
+    assert flight.farthest(np.array([0.0, 1.0])) == pytest.approx(0.125, abs=1e-10)
+    point = np.array([1.9, 0.3])
+    nearest = np.hypot(*(path - point).T).min()
+    assert nearest - 1e-6 < flight.nearest(point) <= nearest
+    task = Scenario("four", (0, 0), (4, 0), ceiling=0.1)
+    assert certify(flight, task).max_path_violation == pytest.approx(0.025, abs=1e-10)
+
+
+class Told:
+    """A flight that tells what another does and nothing of how."""
+
+    def __init__(self, flight):
+        self.flight = flight
+        self.quadrotor, self.duration, self.breakpoints = flight.quadrotor, flight.duration, flight.breakpoints
+
+    def __call__(self, t, order=0):
+        return self.flight(t, order)
+
+    def state(self, t):
+        return self.flight.state(t)
+
+    def control(self, t):
+        return self.flight.control(t)
+
+
+def test_of_an_unknown_flight_nothing_is_shown_between_instants():
+    certificate = certify(Told(shoot(SCENARIOS["horizontal-3"]).trajectory), SCENARIOS["horizontal-3"])
+    assert certificate.max_control_violation == math.inf
+    assert certificate.replay_error < 1e-8
+    assert not certificate.holds()
+    unknown = flat(lambda s, order=0: PolynomialPath((tuple((4.0 * smoothstep(4)).coef), (0.0,)))(s, order))
+    assert certify(unknown, FOUR).max_control_violation == math.inf
+
+
+def test_singular_arcs_are_bounded_by_their_costate():
+    flight = pontryagin(SCENARIOS["horizontal-6"]).trajectory
+    rate = np.abs(flight.control(np.linspace(0, flight.duration, 20001))[:, 1]).max()
+    assert control_range(flight)[1, 1] == pytest.approx(rate, rel=1e-12)
+    mild = replace(flight, controls=np.where(np.isnan(flight.controls), np.nan, [[20.0, 0.0]]))
+    time = np.linspace(0, flight.duration, 200001)
+    following = np.isnan(mild.controls[np.clip(np.searchsorted(mild.breakpoints, time) - 1, 0, None), 1])
+    sampled = np.abs(mild.control(time)[following, 1]).max()
+    assert sampled * (1 - 1e-12) <= control_range(mild)[1, 1] <= sampled * (1 + 1e-4)
+    assert certify(flight, SCENARIOS["horizontal-6"]).holds()
+
+
+def test_flights_with_long_arcs_are_cut_before_they_turn_round():
+    # One arc that turns four times: its heights are those of the arc, not of a chord.
+    q = Quadrotor()
+    control = np.array([[15.0, 8 * math.pi / 3]])
+    states = np.stack([np.zeros(5), q.step(np.zeros(5), control[0], 3.0)])
+    flight = Trajectory(np.array([0.0, 3.0]), states, control, q)
+    heights = flight(np.linspace(0, 3.0, 200001))[:, 1]
+    task = Scenario("turns", (0, 0), (1, 0), floor=-1.0)
+    assert certify(flight, task).max_path_violation == pytest.approx(-1.0 - heights.min(), abs=1e-8)
+
+
+def test_a_trace_beyond_a_limit_is_too_much():
+    scenario = SCENARIOS["horizontal-3"]
+    flight = shoot(scenario).trajectory
+    assert certify(flight, scenario).holds()
+    least = replace(scenario, quadrotor=replace(scenario.quadrotor, rate_max=10.0 - 1e-6))
+    assert 1e-9 < certify(flight, least).max_control_violation < 1e-6
+    assert not certify(flight, least).holds()
+    top = float(flight(np.linspace(0, flight.duration, 200001))[:, 1].max())
+    low = replace(scenario, ceiling=top - 1e-8)
+    assert 1e-9 < certify(flight, low).max_path_violation < 1e-7
+    assert not certify(flight, low).holds()

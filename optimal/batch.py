@@ -1,0 +1,202 @@
+"""Many scenarios at once, on all cores or on a cluster, and on from where a broken-off run stopped.
+
+Every scenario is one task of joblib's, with seeds of its own, so that its answer depends neither on
+the number of workers nor on the other scenarios. Workers are processes, each of which builds the
+program of a shape once and keeps it; like scenarios stand side by side, so that they meet the same
+programs. Answers come back in the order asked for; with a store, each is kept as soon as it is here.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import joblib
+import numpy as np
+
+from flatgym.catalogue import ScenarioLike, scenario
+from flatgym.scenario import Scenario
+from optimal.certificate import Certificate
+from optimal.solution import Solution, Status
+from optimal.solve import solve
+from optimal.steps import FewestSteps, fewest_steps
+from optimal.store import Store
+
+BACKENDS = ("loky", "ray")
+PATIENCE = 2.0
+"""How long a batch runs before it shows a bar [s]."""
+WAVE = 8
+"""Tasks of each Ray worker in a wave."""
+
+Result = TypeVar("Result", Solution, FewestSteps)
+Progress = bool | Callable[[int, int], None]
+
+
+def solve_many(
+    scenarios: Iterable[ScenarioLike],
+    *,
+    jobs: int = -1,
+    backend: str = "loky",
+    store: str | Path | None = None,
+    progress: Progress = True,
+    **options: Any,
+) -> list[Solution]:
+    """Return what `optimal.solve` says of every scenario, in their order.
+
+    What fails is an answer too, with status and reason, and costs the others nothing.
+
+    Args:
+        scenarios: scenarios or their names.
+        jobs: worker processes; -1 is one for each core.
+        backend: "loky" for processes of this machine, "ray" for a Ray cluster: the one that is running or that the
+            environment variable RAY_ADDRESS names, else one of this machine.
+        store: a folder in which finished answers are kept, and looked up before anything is computed; shooting only.
+        progress: a bar where standard error is a terminal; or a function told how many are done and how many there are.
+        options: of `optimal.solve`, but for throw.
+
+    Raises:
+        ValueError: for an unknown scenario, or an option that `optimal.solve` does not know.
+        ImportError: for backend="ray" where Ray is not installed.
+        OSError: where an answer cannot be kept, naming the file; those kept before stay.
+    """
+    if store is not None and options.get("method", "shooting") != "shooting":
+        raise ValueError(
+            f"a store keeps flights of method='shooting' only, got {options['method']!r}; leave out store="
+        )
+    return _many(solve, scenarios, options, jobs, backend, store, progress)
+
+
+def fewest_steps_many(
+    scenarios: Iterable[ScenarioLike],
+    *,
+    jobs: int = -1,
+    backend: str = "loky",
+    store: str | Path | None = None,
+    progress: Progress = True,
+    **options: Any,
+) -> list[FewestSteps]:
+    """Return what `optimal.fewest_steps` says of every scenario, in their order; see `solve_many`."""
+    return _many(fewest_steps, scenarios, options, jobs, backend, store, progress)
+
+
+def _many(
+    ask: Callable[..., Result],
+    scenarios: Iterable[ScenarioLike],
+    options: dict[str, Any],
+    jobs: int,
+    backend: str,
+    store: str | Path | None,
+    progress: Progress,
+) -> list[Result]:
+    tasks = [scenario(problem) for problem in scenarios]
+    options = _checked(ask, options)
+    _check_workers(jobs, backend)
+    kept = None if store is None else Store(store, {"ask": ask.__name__, "options": options})
+    answers: dict[Scenario, Any] = {}
+    for task in dict.fromkeys(tasks):
+        if kept is not None and (answer := kept.read(task)) is not None:
+            answers[task] = answer
+    left = sorted((task for task in dict.fromkeys(tasks) if task not in answers), key=_likeness)
+    found = _answers(partial(_attempt, ask, options), left, jobs, backend) if left else iter(())
+    for answer in _watched(found, len(left), progress):
+        answers[answer.scenario] = answer
+        # What broke off may do better next time.
+        if kept is not None and answer.status is not Status.BROKEN_OFF:
+            kept.write(answer)
+    return [answers[task] for task in tasks]
+
+
+def _checked(ask: Callable[..., Any], options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options of a question with its defaults filled in, as plain data.
+
+    Raises:
+        ValueError: for an option that the question does not have.
+    """
+    parameters = inspect.signature(ask).parameters
+    known = {name: parameters[name].default for name in parameters if name not in ("problem", "throw")}
+    unknown = sorted(set(options) - set(known))
+    if unknown:
+        raise ValueError(f"unknown options {', '.join(unknown)}; {ask.__name__} has {', '.join(known)}")
+    filled = known | options
+    return {name: list(value) if isinstance(value, (tuple, range)) else value for name, value in filled.items()}
+
+
+def _check_workers(jobs: int, backend: str) -> None:
+    if backend not in BACKENDS:
+        raise ValueError(f"unknown backend {backend!r}; known: {', '.join(BACKENDS)}")
+    if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs == 0:
+        raise ValueError(f"jobs must be a number of processes, or -1 for one a core, got {jobs!r}")
+
+
+def _likeness(task: Scenario) -> tuple[int, bool, float]:
+    """Return what scenarios of like programs have in common: hoops, heights, and about the way's length."""
+    return len(task.hoops), task.floor is None and task.ceiling is None, math.dist(task.start, task.goal)
+
+
+def _attempt(ask: Callable[..., Result], options: dict[str, Any], task: Scenario) -> Result:
+    """Ask a question of one scenario; an error becomes an answer."""
+    try:
+        return ask(task, throw=False, **options)
+    except Exception as error:
+        return broken_off(ask, task, f"{type(error).__name__}: {error}")
+
+
+def broken_off(ask: Callable[..., Result], task: Scenario, reason: str) -> Any:
+    """Return the answer where there is none."""
+    if ask is solve:
+        nothing = Certificate(), 0, math.inf, 0, 0
+        return Solution(task, "none", math.inf, Status.BROKEN_OFF, 0, None, *nothing, reason)
+    actions, states = np.zeros((0, 2), np.float32), np.zeros((0, 5))
+    return FewestSteps(task, math.inf, actions, states, 0, math.inf, 0, Status.BROKEN_OFF, reason)
+
+
+def _answers(attempt: Callable[[Scenario], Any], left: list[Scenario], jobs: int, backend: str) -> Iterator[Any]:
+    """Yield the answers as they come: one by one, or in waves from Ray, which hands out nothing before all is done."""
+    calls = [joblib.delayed(attempt)(task) for task in left]
+    if backend == "loky":
+        with joblib.parallel_config(backend=backend, inner_max_num_threads=1):
+            yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(calls)
+        return
+    _register_ray()
+    with joblib.parallel_config(backend=backend):
+        size = WAVE * joblib.effective_n_jobs(jobs)
+        for begin in range(0, len(calls), size):
+            yield from joblib.Parallel(n_jobs=jobs)(calls[begin : begin + size])
+
+
+def _register_ray() -> None:
+    try:
+        from ray.util.joblib import register_ray
+    except ImportError:
+        raise ImportError('backend="ray" needs Ray; run: pip install "ray>=2.60"') from None
+    register_ray()  # type: ignore[no-untyped-call]
+
+
+def _watched(found: Iterator[Any], total: int, progress: Progress) -> Iterator[Any]:
+    """Pass answers on and show how many there are, on a terminal once it has taken a while."""
+    if callable(progress) or not (progress and total and sys.stderr.isatty()):
+        for done, answer in enumerate(found, start=1):
+            yield answer
+            if callable(progress):
+                progress(done, total)
+        return
+    from rich.console import Console
+    from rich.progress import Progress as Bar
+
+    begun = time.monotonic()
+    bar = Bar(console=Console(stderr=True))
+    work = bar.add_task("scenarios", total=total)
+    try:
+        for answer in found:
+            yield answer
+            bar.advance(work)
+            if time.monotonic() - begun > PATIENCE:
+                bar.start()
+    finally:
+        bar.stop()

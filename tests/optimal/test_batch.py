@@ -1,0 +1,222 @@
+"""Batches: the same answers whoever works, in order; nothing lost by errors, kills, full disks or damaged files."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import optimal
+from experiments.benchmarking import random_goal
+from flatgym import SCENARIOS
+from optimal import Status, fewest_steps_many, solve_many, store
+from optimal.store import decoded, encoded
+
+GOALS = [random_goal(np.random.default_rng((7, i)), i) for i in range(6)]
+TIMES = ("solve_time",)
+
+
+def facts(answer):
+    """Return all that an answer says but how long it took, exactly."""
+    values = {field.name: getattr(answer, field.name) for field in fields(answer) if field.name not in TIMES}
+    flight = values.pop("trajectory", None)
+    if flight is not None:
+        values |= {name: getattr(flight, name).tobytes() for name in ("breakpoints", "states", "controls")}
+    return {name: value.tobytes() if isinstance(value, np.ndarray) else value for name, value in values.items()}
+
+
+def test_the_answers_depend_neither_on_the_workers_nor_on_the_order():
+    for many in (solve_many, fewest_steps_many):
+        alone = many(GOALS, jobs=1)
+        assert [answer.scenario for answer in alone] == GOALS
+        together = many(GOALS[::-1], jobs=2)[::-1]
+        assert [facts(answer) for answer in together] == [facts(answer) for answer in alone]
+
+
+def test_one_that_fails_is_an_answer_and_costs_the_others_nothing():
+    far = replace(SCENARIOS["diagonal"], goal=(4000.0, 0.0), time_limit=1000.0)
+    answers = solve_many(["horizontal-3", far, "hoop"], jobs=1, method="pontryagin", windings=(0,))
+    assert [answer.status for answer in answers] == [Status.SOLVED, answers[1].status, Status.BROKEN_OFF]
+    assert answers[1].status is not Status.SOLVED
+    assert "shooting" in answers[2].reason
+    assert answers[2].time == np.inf
+    steps = fewest_steps_many([far, "horizontal-3"], jobs=1, windings=(0,))
+    assert [answer.steps for answer in steps] == [np.inf, 44]
+    assert "too far" in steps[0].reason
+
+
+def test_the_same_scenario_is_solved_once():
+    told = []
+    answers = solve_many(["horizontal-3"] * 3, jobs=1, windings=(0,), progress=lambda *counts: told.append(counts))
+    assert told == [(1, 1)]
+    assert answers[0] is answers[2]
+    assert solve_many([], jobs=1) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"starts": 2, "tries": 3}, "unknown options tries; solve has method, windings"),
+        ({"throw": True}, "unknown options throw"),
+        ({"backend": "dask"}, "unknown backend 'dask'; known: loky, ray"),
+        ({"jobs": 0}, "jobs must be a number of processes, or -1 for one a core, got 0"),
+        ({"method": "flat", "store": "."}, "a store keeps flights of method='shooting' only, got 'flat'"),
+    ],
+)
+def test_wrong_orders_are_refused_before_any_work(arguments, words):
+    with pytest.raises(ValueError, match=words):
+        solve_many(["hoop"], **arguments)
+    with pytest.raises(ValueError, match="unknown scenario 'hop'"):
+        solve_many(["hop"])
+
+
+def test_without_ray_the_way_to_it_is_said(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray.util.joblib", None)
+    with pytest.raises(ImportError, match='needs Ray; run: pip install "ray'):
+        solve_many(["horizontal-3"], backend="ray")
+
+
+def test_what_is_stored_comes_back_to_the_bit_and_is_not_computed_again(tmp_path):
+    told = []
+    for many, tasks in ((solve_many, GOALS[:2]), (fewest_steps_many, [GOALS[0], impossible()])):
+        first = many(tasks, jobs=1, store=tmp_path)
+        again = many(tasks, jobs=1, store=tmp_path, progress=lambda *counts: told.append(counts))
+        assert not told
+        for one, other in zip(first, again, strict=True):
+            assert facts(one) == facts(other)
+            assert all(type(getattr(one, f.name)) is type(getattr(other, f.name)) for f in fields(one))
+    assert len(list(tmp_path.iterdir())) == 4
+    solve_many(GOALS[:1], jobs=1, store=tmp_path, seed=1)
+    assert len(list(tmp_path.iterdir())) == 5
+
+
+def impossible():
+    """A goal that cannot be reached in its time."""
+    return replace(SCENARIOS["horizontal-6"], time_limit=1.0)
+
+
+def damaged(text, how):
+    data = json.loads(text)
+    if how == "half":
+        return text[: len(text) // 2]
+    if how == "empty":
+        return ""
+    if how == "version":
+        return json.dumps(data | {"version": "0.0"})
+    if how == "schema":
+        return json.dumps(data | {"schema": 0})
+    if how == "no answer":
+        return "[]"
+    data["answer"]["time"] *= 0.9
+    return json.dumps(data)
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ("half", "Unterminated|Expecting"),
+        ("empty", "Expecting"),
+        ("version", "written as schema 1 by version 0.0, wanted 1 by"),
+        ("schema", "schema 0"),
+        ("no answer", "holds no answer"),
+        ("number", "checksum"),
+    ],
+)
+def test_a_file_that_cannot_be_trusted_is_set_aside_and_replaced(tmp_path, how, words):
+    (first,) = solve_many(GOALS[:1], jobs=1, store=tmp_path, windings=(0,))
+    (path,) = tmp_path.iterdir()
+    bad = damaged(path.read_text(), how)
+    for number in (1, 2):
+        path.write_text(bad)
+        with pytest.warns(UserWarning, match=f"{path.name} cannot be used .*({words}).*set aside as"):
+            (again,) = solve_many(GOALS[:1], jobs=1, store=tmp_path, windings=(0,))
+        assert facts(again) == facts(first)
+        assert decoded(path.read_text(), GOALS[0]).time == first.time
+        aside = [other for other in tmp_path.iterdir() if other != path]
+        assert len(aside) == number
+        assert all(other.read_text() == bad and ".set-aside" in other.name for other in aside)
+
+
+def test_another_scenarios_answer_is_not_believed():
+    (answer,) = solve_many(GOALS[:1], jobs=1, windings=(0,))
+    with pytest.raises(ValueError, match="it answers for"):
+        decoded(encoded(answer), GOALS[1])
+
+
+def test_a_full_disk_is_named_and_what_was_finished_stays(tmp_path, monkeypatch):
+    written, write = [], store.write_text
+
+    def full(path, text):
+        if len(written) == 2:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written.append(path)
+        write(path, text)
+
+    monkeypatch.setattr(store, "write_text", full)
+    with pytest.raises(OSError, match=r"No space left.*finished before are kept.*\.json") as failure:
+        solve_many(GOALS[:4], jobs=1, store=tmp_path, windings=(0,))
+    assert failure.value.errno == errno.ENOSPC
+    assert sorted(tmp_path.iterdir()) == sorted(written)
+    monkeypatch.undo()
+    told = []
+    solve_many(GOALS[:4], jobs=1, store=tmp_path, windings=(0,), progress=lambda *counts: told.append(counts))
+    assert told == [(1, 2), (2, 2)]
+
+
+SCRIPT = """
+import sys
+import numpy as np
+import optimal
+from experiments.benchmarking import random_goal
+goals = [random_goal(np.random.default_rng((7, i)), i) for i in range(40)]
+optimal.solve_many(goals, jobs=1, store=sys.argv[1], windings=(0,))
+"""
+
+
+def test_a_killed_run_goes_on_where_it_stopped(tmp_path):
+    child = subprocess.Popen([sys.executable, "-c", SCRIPT, str(tmp_path)], cwd=Path(optimal.__file__).parents[1])
+    until = time.monotonic() + 60
+    while len(list(tmp_path.glob("[!.]*.json"))) < 5 and child.poll() is None and time.monotonic() < until:
+        time.sleep(0.005)
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.glob("[!.]*.json")}
+    assert 5 <= len(kept) < 40
+    goals, told = [random_goal(np.random.default_rng((7, i)), i) for i in range(40)], []
+    answers = solve_many(goals, jobs=1, store=tmp_path, windings=(0,), progress=lambda *counts: told.append(counts))
+    assert len(told) == 40 - len(kept)
+    assert all(path.stat().st_mtime_ns == when for path, when in kept.items())
+    assert [answer.scenario for answer in answers] == goals
+    assert len(list(tmp_path.glob("[!.]*.json"))) == 40
+
+
+RAY = """
+import optimal
+answers = optimal.solve_many(["horizontal-3", "diagonal"], jobs=2, backend="ray", windings=(0,))
+print("times", *(repr(answer.time) for answer in answers))
+"""
+
+
+def test_a_local_ray_cluster_gives_the_same_answers():
+    pytest.importorskip("ray")
+    settings = os.environ | {"RAY_AUTH_MODE": "disabled", "RAY_USAGE_STATS_ENABLED": "0"}
+    settings.pop("RAY_ADDRESS", None)
+    run = subprocess.run(
+        [sys.executable, "-c", RAY],
+        cwd=Path(optimal.__file__).parents[1],
+        env=settings,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert run.returncode == 0, run.stderr
+    (line,) = [line for line in run.stdout.splitlines() if line.startswith("times")]
+    here = solve_many(["horizontal-3", "diagonal"], jobs=1, windings=(0,))
+    assert line.split()[1:] == [repr(answer.time) for answer in here]
