@@ -90,6 +90,7 @@ class Shot:
         trajectory: the flight at the last iterate (not to be trusted unless converged).
         costates: multipliers of the step equations, shape (N, 5).
         iterations: of the solver, on both grids.
+        steps: of each phase.
     """
 
     converged: bool
@@ -98,6 +99,7 @@ class Shot:
     trajectory: Trajectory
     costates: Array
     iterations: int
+    steps: tuple[int, ...]
 
 
 def phase_steps(scenario: Scenario, nodes: int = NODES) -> tuple[int, ...]:
@@ -282,6 +284,7 @@ def attempt(
         trajectory=trajectory,
         costates=np.array(result["lam_g"]).ravel()[gaps[:, :5]],
         iterations=stats["iter_count"],
+        steps=shape.steps,
     )
 
 

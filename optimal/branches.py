@@ -1,0 +1,106 @@
+"""Branches of a proof: classes of flights by turns, passing times and tilts, and whether they leave any flight out.
+
+A flight of duration T belongs to a branch when it makes the branch's number of turns, passes each hoop within the
+branch's interval, and has its tilt within the branch's bounds at the branch's instants. Instants are shares of T,
+so that one set of branches serves any T; a grid rounds them, all alike, to its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+Interval = tuple[float, float]
+
+
+class Held(NamedTuple):
+    """A tilt within [low, high] [rad] at the time `share` T."""
+
+    share: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Branch:
+    """A class of flights.
+
+    Attributes:
+        winding: whole turns between start and end.
+        passing: for each hoop, the interval in which it is passed, as shares of T.
+        held: where the tilt is at some instants.
+    """
+
+    winding: int
+    passing: tuple[Interval, ...] = ()
+    held: tuple[Held, ...] = ()
+
+    def halve_passing(self, hoop: int) -> list[Branch]:
+        """Return the two halves by when a hoop is passed."""
+        return [
+            replace(self, passing=(*self.passing[:hoop], part, *self.passing[hoop + 1 :]))
+            for part in _halves(self.passing[hoop])
+        ]
+
+    def halve_tilt(self, share: float, reach: Interval) -> list[Branch]:
+        """Return the two halves by the tilt at an instant.
+
+        Args:
+            share: the instant.
+            reach: tilts that are possible there [rad].
+        """
+        known = {held.share: held for held in self.held}
+        low, high = known[share][1:] if share in known else (-math.inf, math.inf)
+        # The outermost parts stay open outwards: what can be reached grows with T.
+        middle = (max(low, reach[0]) + min(high, reach[1])) / 2
+        rest = tuple(held for held in self.held if held.share != share)
+        return [replace(self, held=(*rest, Held(share, *part))) for part in ((low, middle), (middle, high))]
+
+
+def _halves(interval: Interval) -> tuple[Interval, Interval]:
+    low, high = interval
+    middle = (low + high) / 2
+    return (low, middle), (middle, high)
+
+
+Box = dict[tuple[str, float], Interval]
+"""Intervals by what they bound: ("passing", hoop) or ("tilt", share)."""
+
+
+def covered(branches: Iterable[Branch], hoops: int) -> bool:
+    """Return whether every flight of a winding belongs to one of its branches, whatever their order of making.
+
+    Args:
+        branches: all of one winding.
+        hoops: number of hoops.
+    """
+    boxes = [_box(branch) for branch in branches]
+    return _covered(boxes, {("passing", i): (0.0, 1.0) for i in range(hoops)})
+
+
+def _box(branch: Branch) -> Box:
+    box: Box = {("passing", i): interval for i, interval in enumerate(branch.passing)}
+    return box | {("tilt", held.share): (held.low, held.high) for held in branch.held}
+
+
+def _covered(boxes: Sequence[Box], whole: Box) -> bool:
+    """Return whether boxes cover a whole, which is cut at an end of one of them until one covers each piece."""
+    if not boxes:
+        return False
+    for key, (low, high) in boxes[0].items():
+        least, most = whole.get(key, (-math.inf, math.inf))
+        for end in (low, high):
+            if least < end < most:
+                pieces = [whole | {key: (least, end)}, whole | {key: (end, most)}]
+                return all(_covered([box for box in boxes if _meets(box, piece)], piece) for piece in pieces)
+    return True
+
+
+def _meets(box: Box, piece: Box) -> bool:
+    """Return whether a box and a piece share more than a border."""
+    return all(
+        max(low, piece.get(key, (-math.inf, math.inf))[0]) < min(high, piece.get(key, (-math.inf, math.inf))[1])
+        for key, (low, high) in box.items()
+    )

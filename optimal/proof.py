@@ -1,0 +1,217 @@
+"""The proof that nothing is faster: a lower bound of the flight time, with all that is needed to check it.
+
+T is impossible when every flight that takes T belongs to a branch that is shown to be impossible
+(`optimal.exclusion`); so are all shorter times, because a flight could hover first. T begins well below the fastest
+flight known and comes closer by halves of the gap, or one environment step after the other, so that whatever time
+is granted ends in a proof of something. Multipliers start as the costates of the fastest flight found.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from flatgym.catalogue import ScenarioLike, scenario
+from flatgym.quadrotor import Array
+from flatgym.scenario import Scenario, Tolerance
+from optimal.bounds import projection_bound
+from optimal.branches import Branch, covered
+from optimal.duals import Dual
+from optimal.exclusion import Exclusion, Shown, windings
+from optimal.feasibility import impossible, too_far
+from optimal.multipliers import kink_shares, multipliers
+from optimal.search import search
+from optimal.shooting import Shot
+from optimal.tilt_program import TimeGrid, time_grid
+
+MAX_GAP, TIME_BUDGET = 1e-3, 60.0
+"""How close to the fastest flight known a bound is to come, relatively, and the time granted for it [s]."""
+RUNGS = 6
+"""Times that are tried on the way, each at twice the gap of the next."""
+STEPS_LESS = (8, 4, 2, 1)
+"""Environment steps less than the fewest known that are tried on the way."""
+ROOM = 1e-9
+"""By how much a task is widened to be sure that an environment's rounding is inside [m, m/s, rad]."""
+
+
+class Verdict(StrEnum):
+    """How a proof ended, as a sentence that says what to do about it."""
+
+    CLOSED = "Proven: no flight is faster, to within the gap asked for."
+    BUDGET_SPENT = "Proven, but less close than asked for: the time budget was spent; grant more."
+    NO_FLIGHT = (
+        "Proven by thrust alone: no flight is known to begin from, so only the simple bound was computed; "
+        "`optimal.solve` says why none was found."
+    )
+    IMPOSSIBLE = "Proven: no flight of this scenario exists, however slow."
+
+
+@dataclass(frozen=True)
+class Proof:
+    """A lower bound with all that is needed to check it.
+
+    Attributes:
+        scenario: the task.
+        tolerance: what counts as arrived; None is exactly at rest at the goal.
+        time: no flight takes less [s]; inf where there is none at all.
+        flown: the time of the fastest flight known [s]; inf where none is.
+        verdict: how the proof ended, a sentence.
+        reason: where nothing close to a flight could be proven, why; else empty.
+        grid: the instants of the dual programme; None where `time` is the bound of thrust alone.
+        shown: branches that cover all flights, and their multipliers.
+        kinks: where the weights may bend at floor and ceiling, as shares of T.
+        evaluations: how often F was computed.
+        wall_time: what it took [s].
+    """
+
+    scenario: Scenario
+    tolerance: Tolerance | None
+    time: float
+    flown: float
+    verdict: Verdict
+    reason: str = ""
+    grid: TimeGrid | None = None
+    shown: tuple[Shown, ...] = ()
+    kinks: tuple[float, ...] = ()
+    evaluations: int = 0
+    wall_time: float = 0.0
+
+    @property
+    def gap(self) -> float:
+        """flown / time - 1; inf where nothing was flown."""
+        return self.flown / self.time - 1 if math.isfinite(self.flown) and self.time > 0 else math.inf
+
+    def check(self) -> bool:
+        """Compute the proof again: do the branches leave no flight out, and is each impossible by its multipliers?
+
+        Without branches the bound is that of thrust alone, and computed again.
+        """
+        if self.grid is None:
+            return self.verdict is Verdict.IMPOSSIBLE or self.time <= projection_bound(self.scenario, self.tolerance)
+        for winding in windings(self.scenario, self.tolerance, self.grid.time):
+            branches = [shown.branch for shown in self.shown if shown.branch.winding == winding]
+            if not covered(branches, len(self.scenario.hoops)):
+                return False
+        return self.time <= self.grid.time and all(self._excluded(*shown) for shown in self.shown)
+
+    def _excluded(self, branch: Branch, multipliers: Array) -> bool:
+        assert self.grid is not None
+        dual = Dual(self.scenario, self.grid, branch, self.tolerance, self.kinks)
+        if (multipliers[dual.signed] < 0).any():
+            return False
+        return not dual.possible or max(cut.value + cut.rounding for cut in dual(multipliers)) < 0
+
+
+def prove(
+    problem: ScenarioLike,
+    *,
+    tolerance: Tolerance | None = None,
+    max_gap: float = MAX_GAP,
+    time_budget: float = TIME_BUDGET,
+) -> Proof:
+    """Prove that no flight of a scenario is faster than a time close to that of the fastest found.
+
+    Args:
+        problem: a scenario or its name.
+        tolerance: what counts as arrived; None is exactly at rest at the goal.
+        max_gap: how close to the fastest flight from rest to rest the bound is to come, relatively.
+        time_budget: when to stop trying [s]; where it is spent, the bound depends on it.
+
+    Raises:
+        ValueError: for an unknown scenario, or a gap or budget that is not positive.
+    """
+    target = scenario(problem)
+    _check(max_gap, time_budget)
+    if reason := impossible(target):
+        return Proof(target, tolerance, math.inf, math.inf, Verdict.IMPOSSIBLE, reason)
+    far = too_far(target)
+    shots = () if far else search(target).shots
+    if not shots:
+        return Proof(target, tolerance, projection_bound(target, tolerance), math.inf, Verdict.NO_FLIGHT, far)
+    return prove_near(target, shots[0], tolerance=tolerance, max_gap=max_gap, time_budget=time_budget)
+
+
+def lower_bound(
+    problem: ScenarioLike,
+    *,
+    tolerance: Tolerance | None = None,
+    max_gap: float = MAX_GAP,
+    time_budget: float = TIME_BUDGET,
+) -> float:
+    """Return a time [s] that no flight of a scenario can beat; see `prove`, which also says how it is known."""
+    return prove(problem, tolerance=tolerance, max_gap=max_gap, time_budget=time_budget).time
+
+
+def prove_near(
+    target: Scenario,
+    shot: Shot,
+    *,
+    tolerance: Tolerance | None = None,
+    max_gap: float = MAX_GAP,
+    time_budget: float = TIME_BUDGET,
+) -> Proof:
+    """Do what `prove` does, from the fastest flight of a scenario and its costates."""
+    _check(max_gap, time_budget)
+    flown = shot.trajectory.duration
+    times = [flown / (1 + max_gap * 2.0**k) for k in reversed(range(RUNGS))]
+    grids = [time_grid(value, target.quadrotor.rate_max, above=True) for value in times]
+    return _climb(target, shot, flown, tolerance, grids, time_budget)
+
+
+def prove_steps(target: Scenario, shot: Shot, steps: int, time_budget: float = TIME_BUDGET) -> Proof:
+    """Prove that no flight reaches the goal of an environment in fewer steps than known, or nearly so.
+
+    That controls are held over a step is left out: no flight whatever arrives within the tolerance earlier. Gaps,
+    heights and tolerance are widened by ROOM, so that the environment's rounding is inside.
+    """
+    _check(1.0, time_budget)
+    rate, dt = target.quadrotor.rate_max, target.dt
+    times = [(steps - less) * dt * (1 + ROOM) for less in STEPS_LESS if less < steps]
+    wide = widened(target)
+    grids = [time_grid(value, rate, above=True) for value in times]
+    return _climb(wide, shot, steps * dt, wide.tolerance, grids, time_budget)
+
+
+def least_steps(proof: Proof) -> int:
+    """Return the fewest environment steps that a proof leaves possible."""
+    return math.floor(proof.time / proof.scenario.dt) + 1
+
+
+def widened(target: Scenario) -> Scenario:
+    """Return a scenario with gaps, heights and tolerance wider by ROOM."""
+    near = target.tolerance
+    return replace(
+        target,
+        hoops=tuple(replace(hoop, diameter=hoop.diameter + 2 * ROOM) for hoop in target.hoops),
+        floor=None if target.floor is None else target.floor - ROOM,
+        ceiling=None if target.ceiling is None else target.ceiling + ROOM,
+        tolerance=Tolerance(near.position + ROOM, near.speed + ROOM, near.angle + ROOM),
+    )
+
+
+def _climb(
+    target: Scenario, shot: Shot, flown: float, tolerance: Tolerance | None, grids: Iterable[TimeGrid], budget: float
+) -> Proof:
+    """Exclude the times of grids, the shortest first, until one cannot be excluded within the budget."""
+    begun = time.monotonic()
+    kinks = kink_shares(target, shot)
+    start, hoops = multipliers(target, shot, kinks), len(target.hoops)
+    roots = [Shown(Branch(w, ((0.0, 1.0),) * hoops), start) for w in windings(target, tolerance, flown)]
+    exclusion = Exclusion(target, tolerance, kinks, roots, begun + budget)
+    proof = Proof(target, tolerance, projection_bound(target, tolerance), flown, Verdict.CLOSED)
+    for grid in grids:
+        if not exclusion.exclude(grid):
+            proof = replace(proof, verdict=Verdict.BUDGET_SPENT)
+            break
+        if grid.time > proof.time:
+            proof = replace(proof, time=grid.time, grid=grid, shown=tuple(exclusion.shown), kinks=kinks)
+    return replace(proof, evaluations=exclusion.evaluations, wall_time=time.monotonic() - begun)
+
+
+def _check(max_gap: float, time_budget: float) -> None:
+    for name, value in (("max_gap", max_gap), ("time_budget", time_budget)):
+        if not value > 0:
+            raise ValueError(f"{name} must be positive, got {value!r}")
