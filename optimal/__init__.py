@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 from flatgym.extras import require
 
-require("optimal", "casadi", "joblib", "scipy")
+require("optimal", "casadi", "joblib", "numba", "scipy")
 
-from optimal.bounds import projection_bound as lower_bound
 from optimal.certificate import Certificate, certify
 from optimal.export import load, save
 from optimal.solution import Solution, SolveFailed, Status
@@ -20,11 +19,13 @@ if TYPE_CHECKING:
     from optimal.corridors import Corridor, corridor, paper_corridor
     from optimal.following import follow
     from optimal.planning import plan
+    from optimal.proof import Proof, lower_bound, prove
 
 __all__ = [
     "Certificate",
     "Corridor",
     "FewestSteps",
+    "Proof",
     "Samples",
     "Solution",
     "SolveFailed",
@@ -39,6 +40,7 @@ __all__ = [
     "lower_bound",
     "paper_corridor",
     "plan",
+    "prove",
     "save",
     "solve",
     "solve_many",
@@ -52,8 +54,11 @@ _LATER = {
     "plan": "optimal.planning",
     "fewest_steps_many": "optimal.batch",
     "solve_many": "optimal.batch",
+    "Proof": "optimal.proof",
+    "lower_bound": "optimal.proof",
+    "prove": "optimal.proof",
 }
-"""Names imported when asked for: SciPy's splines and joblib take longer than all the rest together."""
+"""Names imported when asked for: SciPy's splines, joblib and numba take longer than all the rest together."""
 
 
 def __getattr__(name: str) -> Any:

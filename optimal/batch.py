@@ -31,6 +31,8 @@ from optimal.store import Store
 BACKENDS = ("loky", "ray")
 PATIENCE = 2.0
 """How long a batch runs before it shows a bar [s]."""
+UNPROVEN: dict[str, dict[str, Any]] = {"solve": {"max_gap": None}, "fewest_steps": {"time_budget": 0.0}}
+"""Batches leave proofs out unless asked for them: they take as long as all the rest."""
 WAVE = 8
 """Tasks of each Ray worker in a wave."""
 
@@ -58,7 +60,7 @@ def solve_many(
             environment variable RAY_ADDRESS names, else one of this machine.
         store: a folder in which finished answers are kept, and looked up before anything is computed; shooting only.
         progress: a bar where standard error is a terminal; or a function told how many are done and how many there are.
-        options: of `optimal.solve`, but for throw.
+        options: of `optimal.solve`, but for throw; lower bounds are proven only where max_gap is given.
 
     Raises:
         ValueError: for an unknown scenario, or an option that `optimal.solve` does not know.
@@ -81,7 +83,10 @@ def fewest_steps_many(
     progress: Progress = True,
     **options: Any,
 ) -> list[FewestSteps]:
-    """Return what `optimal.fewest_steps` says of every scenario, in their order; see `solve_many`."""
+    """Return what `optimal.fewest_steps` says of every scenario, in their order; see `solve_many`.
+
+    That fewer steps are impossible is proven only where time_budget is given.
+    """
     return _many(fewest_steps, scenarios, options, jobs, backend, store, progress)
 
 
@@ -120,6 +125,7 @@ def _checked(ask: Callable[..., Any], options: dict[str, Any]) -> dict[str, Any]
     """
     parameters = inspect.signature(ask).parameters
     known = {name: parameters[name].default for name in parameters if name not in ("problem", "throw")}
+    known |= UNPROVEN[ask.__name__]
     unknown = sorted(set(options) - set(known))
     if unknown:
         raise ValueError(f"unknown options {', '.join(unknown)}; {ask.__name__} has {', '.join(known)}")

@@ -69,15 +69,15 @@ Box = dict[tuple[str, float], Interval]
 """Intervals by what they bound: ("passing", hoop) or ("tilt", share)."""
 
 
-def covered(branches: Iterable[Branch], hoops: int) -> bool:
-    """Return whether every flight of a winding belongs to one of its branches, whatever their order of making.
+def covered(branches: Iterable[Branch], windows: Sequence[Interval]) -> bool:
+    """Return whether every flight of a winding belongs to one of its branches, however they were made.
 
     Args:
         branches: all of one winding.
-        hoops: number of hoops.
+        windows: for each hoop, the interval in which it can be passed at all, as shares of T.
     """
     boxes = [_box(branch) for branch in branches]
-    return _covered(boxes, {("passing", i): (0.0, 1.0) for i in range(hoops)})
+    return _covered(boxes, {("passing", i): window for i, window in enumerate(windows)})
 
 
 def _box(branch: Branch) -> Box:

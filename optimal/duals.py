@@ -80,12 +80,16 @@ class Dual:
         heights = [(sign, height - scenario.start[1]) for sign, height in limits if height is not None]
         self._signs = np.repeat([sign for sign, _ in heights], len(at))
         self._bends = np.maximum(self._share[:, None] - np.tile(at, len(heights)), 0.0)
-        self._passing = np.rint(np.array(branch.passing).reshape(-1, 2) * grid.steps) / grid.steps
+        passing = np.array(branch.passing).reshape(-1, 2) * grid.steps
+        self._passing = np.column_stack([np.floor(passing[:, 0]), np.ceil(passing[:, 1])]) / grid.steps
         self.vectors = 2 * (2 + len(scenario.hoops))
         self.size = self.vectors + len(self._signs) + 2
         self.signed = np.arange(self.vectors, self.size)
         self._linear, self._norms = self._remainder(scenario, tolerance, np.repeat([h for _, h in heights], len(at)))
         self._speed = tolerance.speed if tolerance else 0.0
+        self._size = np.abs(self._linear)
+        for factor, matrix in self._norms:
+            self._size = self._size + factor * np.abs(matrix).sum(axis=0)
 
     @property
     def possible(self) -> bool:
@@ -118,9 +122,12 @@ class Dual:
 
     def _cut(self, y: Array, times: Array) -> Cut:
         scale = self.quadrotor.thrust_max / self.quadrotor.rate_max
-        basis = np.column_stack([np.ones_like(self._share), self._share, np.maximum(self._share[:, None] - times, 0.0)])
+        basis = np.empty((len(self._share), 2 + len(times)))
+        basis[:, 0], basis[:, 1] = 1.0, self._share
+        np.maximum(self._share[:, None] - times, 0.0, out=basis[:, 2:])
         weight = basis @ y[: self.vectors].reshape(-1, 2)
-        weight[:, 1] += self._bends @ (self._signs * y[self.vectors : -2])
+        if self._signs.size:
+            weight[:, 1] += self._bends @ (self._signs * y[self.vectors : -2])
         most = self._program(weight, *(scale * y[-2:]))
         slope, value = self._linear.copy(), most.value + most.interpolation + float(self._linear @ y)
         for factor, matrix in self._norms:
@@ -135,7 +142,5 @@ class Dual:
         slope[: self.vectors] += (basis.T @ by_weight).ravel()
         slope[self.vectors : -2] += self._signs * (self._bends.T @ by_weight[:, 1])
         slope[-2:] += scale * most.ends
-        size = np.abs(y) @ (
-            np.abs(self._linear) + sum(factor * np.abs(matrix).sum(axis=0) for factor, matrix in self._norms)
-        )
+        size = np.abs(y) @ self._size
         return Cut(value, most.rounding + ROUNDINGS * UNIT * float(size), slope)

@@ -13,6 +13,7 @@ import math
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -76,14 +77,14 @@ class Exclusion:
         """Return whether each branch was shown to be impossible for the grid's time before the deadline."""
         done: list[Shown] = []
         open_: list[tuple[float, int, Shown]] = []
-        left = list(self.shown)
+        left, number = list(self.shown), count()
 
         def sort(tried: Iterable[Tried]) -> None:
             for shown, value in tried:
                 if value < 0:
                     done.append(shown)
                 else:
-                    heapq.heappush(open_, (-value, len(done) + len(open_), shown))
+                    heapq.heappush(open_, (-value, next(number), shown))
 
         while left or open_:
             if time.monotonic() > self.deadline:

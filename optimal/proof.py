@@ -17,20 +17,18 @@ from enum import StrEnum
 from flatgym.catalogue import ScenarioLike, scenario
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario, Tolerance
-from optimal.bounds import projection_bound
+from optimal.bounds import passing_windows, projection_bound
 from optimal.branches import Branch, covered
 from optimal.duals import Dual
 from optimal.exclusion import Exclusion, Shown, windings
 from optimal.feasibility import impossible, too_far
 from optimal.multipliers import kink_shares, multipliers
 from optimal.search import search
-from optimal.shooting import Shot
-from optimal.tilt_program import TimeGrid, time_grid
+from optimal.shooting import Shot, shoot
+from optimal.tilt_program import TimeGrid, angles_for, time_grid
 
 MAX_GAP, TIME_BUDGET = 1e-3, 60.0
 """How close to the fastest flight known a bound is to come, relatively, and the time granted for it [s]."""
-RUNGS = 6
-"""Times that are tried on the way, each at twice the gap of the next."""
 STEPS_LESS = (8, 4, 2, 1)
 """Environment steps less than the fewest known that are tried on the way."""
 ROOM = 1e-9
@@ -42,6 +40,10 @@ class Verdict(StrEnum):
 
     CLOSED = "Proven: no flight is faster, to within the gap asked for."
     BUDGET_SPENT = "Proven, but less close than asked for: the time budget was spent; grant more."
+    FREE = (
+        "Proven, but one step short: a flight whose controls may change at any time arrives a step earlier, which "
+        "this proof cannot tell from one of held controls."
+    )
     NO_FLIGHT = (
         "Proven by thrust alone: no flight is known to begin from, so only the simple bound was computed; "
         "`optimal.solve` says why none was found."
@@ -91,9 +93,10 @@ class Proof:
         """
         if self.grid is None:
             return self.verdict is Verdict.IMPOSSIBLE or self.time <= projection_bound(self.scenario, self.tolerance)
+        windows = passing_windows(self.scenario, self.flown, self.tolerance)
         for winding in windings(self.scenario, self.tolerance, self.grid.time):
             branches = [shown.branch for shown in self.shown if shown.branch.winding == winding]
-            if not covered(branches, len(self.scenario.hoops)):
+            if not covered(branches, windows):
                 return False
         return self.time <= self.grid.time and all(self._excluded(*shown) for shown in self.shown)
 
@@ -156,8 +159,11 @@ def prove_near(
     """Do what `prove` does, from the fastest flight of a scenario and its costates."""
     _check(max_gap, time_budget)
     flown = shot.trajectory.duration
-    times = [flown / (1 + max_gap * 2.0**k) for k in reversed(range(RUNGS))]
-    grids = [time_grid(value, target.quadrotor.rate_max, above=True) for value in times]
+    simple = projection_bound(target, tolerance)
+    gaps = [max_gap]
+    while flown / (1 + 2 * gaps[0]) > simple:
+        gaps.insert(0, 2 * gaps[0])
+    grids = [time_grid(flown / (1 + gap), target.quadrotor.rate_max, turn=angles_for(gap)) for gap in gaps]
     return _climb(target, shot, flown, tolerance, grids, time_budget)
 
 
@@ -167,12 +173,15 @@ def prove_steps(target: Scenario, shot: Shot, steps: int, time_budget: float = T
     That controls are held over a step is left out: no flight whatever arrives within the tolerance earlier. Gaps,
     heights and tolerance are widened by ROOM, so that the environment's rounding is inside.
     """
-    _check(1.0, time_budget)
-    rate, dt = target.quadrotor.rate_max, target.dt
-    times = [(steps - less) * dt * (1 + ROOM) for less in STEPS_LESS if less < steps]
-    wide = widened(target)
-    grids = [time_grid(value, rate, above=True) for value in times]
-    return _climb(wide, shot, steps * dt, wide.tolerance, grids, time_budget)
+    _check(MAX_GAP, time_budget)
+    wide, fewer = widened(target), (steps - 1) * target.dt
+    free = shoot(wide, shot.winding, tolerant=True)
+    known = free.converged and free.trajectory.duration <= fewer * (1 + ROOM)
+    last = free.trajectory.duration / (1 + MAX_GAP) if known else fewer
+    times = [(steps - less) * target.dt for less in STEPS_LESS if 0 < (steps - less) * target.dt < last]
+    grids = [time_grid(value * (1 + ROOM), target.quadrotor.rate_max) for value in [*times, last]]
+    proof = _climb(wide, shot, steps * target.dt, wide.tolerance, grids, time_budget)
+    return replace(proof, verdict=Verdict.FREE) if known and proof.verdict is Verdict.CLOSED else proof
 
 
 def least_steps(proof: Proof) -> int:
@@ -198,8 +207,9 @@ def _climb(
     """Exclude the times of grids, the shortest first, until one cannot be excluded within the budget."""
     begun = time.monotonic()
     kinks = kink_shares(target, shot)
-    start, hoops = multipliers(target, shot, kinks), len(target.hoops)
-    roots = [Shown(Branch(w, ((0.0, 1.0),) * hoops), start) for w in windings(target, tolerance, flown)]
+    start = multipliers(target, shot, kinks)
+    windows = tuple(passing_windows(target, flown, tolerance))
+    roots = [Shown(Branch(winding, windows), start) for winding in windings(target, tolerance, flown)]
     exclusion = Exclusion(target, tolerance, kinks, roots, begun + budget)
     proof = Proof(target, tolerance, projection_bound(target, tolerance), flown, Verdict.CLOSED)
     for grid in grids:

@@ -76,8 +76,7 @@ def search(
     flown: list[tuple[Shot, int]] = []
     iterations, fastest = sum(shot.iterations for shot in tried), math.inf
     for kind in kinds(tried):
-        point = refine(scenario, kind[0], nodes=nodes)
-        shot = point
+        point = shot = _refined(scenario, kind, nodes)
         # Rims only cost time: a point slower than a body that keeps clear of them need not be cleared.
         if point.converged and point.trajectory.duration < fastest * (1 + AGREEMENT):
             shot = keep_clear(scenario, point, nodes=nodes)
@@ -88,6 +87,17 @@ def search(
     flown.sort(key=lambda pair: pair[0].trajectory.duration)
     agreed = sum(count for shot, count in flown if shot.trajectory.duration <= fastest * (1 + AGREEMENT))
     return Search(tuple(shot for shot, _ in flown), len(tried), agreed, iterations)
+
+
+def _refined(scenario: Scenario, kind: Sequence[Shot], nodes: int) -> Shot:
+    """Return the flight on the full grid to which the first of a kind leads that does not lose its way.
+
+    A flight on the coarse grid is one on the full grid too, so that what comes out slower is another local optimum.
+    """
+    fine = [refine(scenario, kind[0], nodes=nodes)]
+    while len(fine) < len(kind) and fine[-1].trajectory.duration > kind[0].trajectory.duration * (1 + SAME):
+        fine.append(refine(scenario, kind[len(fine)], nodes=nodes))
+    return min((shot for shot in fine if shot.converged), key=lambda shot: shot.trajectory.duration, default=fine[0])
 
 
 def survey(

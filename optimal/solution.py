@@ -16,6 +16,7 @@ class Status(StrEnum):
 
     SOLVED = "Solved: the flight is certified within its limits in continuous time."
     BEST_KNOWN = "Solved: these actions replay in the environment to the goal; no flight in fewer steps was found."
+    PROVEN = "Solved: these actions replay in the environment to the goal, and no flight whatever needs fewer steps."
     FEASIBLE = (
         "Feasible, not optimal: the flight is certified within its limits in continuous time, but the optimiser "
         "found none better than near the central path; try another number of intervals, or another method."
@@ -60,7 +61,7 @@ class Solution:
         trajectory: the flight; None where there is none.
         certificate: what was shown of the flight, independently of the solver.
         iterations: of Ipopt, over all starts.
-        solve_time: wall time of the whole solve [s].
+        solve_time: wall time of search and certificate, the proof of the lower bound aside [s].
         starts: starts tried, over all windings.
         agreed: how many of them ended within 1e-4 of the best time.
         reason: where there is no flight, what stands in its way; else empty.

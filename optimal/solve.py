@@ -14,9 +14,11 @@ from optimal.certificate import certify
 from optimal.costates import report
 from optimal.feasibility import impossible, suspect, too_far
 from optimal.search import AGREEMENT, STARTS, Search, search
-from optimal.shooting import NODES, WINDINGS
+from optimal.shooting import NODES, WINDINGS, Shot
 from optimal.solution import Solution, SolveFailed, Status
 
+MAX_GAP, TIME_BUDGET = 1e-3, 5.0
+"""How close to a flight its lower bound is to come, relatively, and the time granted for the proof [s]."""
 METHODS = ("shooting", "flat", "pontryagin")
 FLYABLE = (Status.SOLVED, Status.FEASIBLE, Status.LIMITS_AT_NODES_ONLY)
 """How a solve may end that has something to show."""
@@ -32,6 +34,8 @@ def solve(
     nodes: int = NODES,
     checks: str = "certified",
     intervals: int | None = None,
+    max_gap: float | None = MAX_GAP,
+    time_budget: float = TIME_BUDGET,
     throw: bool = True,
 ) -> Solution:
     """Return the fastest flight of a scenario from exact rest to exact rest.
@@ -47,30 +51,55 @@ def solve(
         nodes: steps of the whole flight; shooting only.
         checks: "certified", or "nodes" for the flat road as published; flat only.
         intervals: pieces of the flat functions on the first grid, None for `plan`'s; flat only.
+        max_gap: how close to the flight a lower bound is to be proven, relatively; None leaves that of thrust alone.
+        time_budget: when to stop proving [s], with the bound proven by then.
         throw: raise SolveFailed rather than return a solution that is not solved.
 
     Raises:
         SolveFailed: with the problem and the result, when no certified flight was found.
-        ValueError: for an unknown scenario or method, or a scenario the method cannot take, saying why.
+        ValueError: for an unknown scenario or method, or a scenario the method cannot take, saying why; for a gap or
+            budget that is not positive.
     """
     task = scenario(problem)
     if method not in METHODS:
         near = difflib.get_close_matches(str(method), METHODS, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}{hint}")
-    begun = time.perf_counter()
+    begun, shot = time.perf_counter(), None
     if method == "flat":
         solution = _flat(task, checks, intervals, begun)
     elif method == "pontryagin":
         solution = _pontryagin(task, windings, begun)
     else:
-        solution = _shooting(task, windings, starts, seed, nodes, begun)
+        solution, shot = _shooting(task, windings, starts, seed, nodes, begun)
+    if max_gap is not None and math.isfinite(solution.time):
+        solution = bounded(solution, shot, max_gap, time_budget)
     if throw and solution.status not in FLYABLE:
         raise SolveFailed(task, solution)
     return solution
 
 
-def _shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int, nodes: int, begun: float) -> Solution:
+def bounded(solution: Solution, shot: Shot | None, max_gap: float, time_budget: float) -> Solution:
+    """Return a solution whose certificate holds a proven lower bound; see `optimal.proof.prove` for the arguments.
+
+    Args:
+        shot: the direct solution with its costates; None has one searched for.
+    """
+    # Here, because it leans on numba, which takes longer to import than all the rest.
+    from optimal.proof import prove, prove_near
+
+    if shot is None:
+        proof = prove(solution.scenario, max_gap=max_gap, time_budget=time_budget)
+    else:
+        proof = prove_near(solution.scenario, shot, max_gap=max_gap, time_budget=time_budget)
+    bound = max(proof.time, solution.certificate.lower_bound)
+    certificate = replace(solution.certificate, lower_bound=bound, gap=solution.time / bound - 1)
+    return replace(solution, certificate=certificate)
+
+
+def _shooting(
+    task: Scenario, windings: Sequence[int], starts: int, seed: int, nodes: int, begun: float
+) -> tuple[Solution, Shot | None]:
     reason, distance = impossible(task), too_far(task)
     found = Search() if reason or distance else search(task, windings=windings, starts=starts, seed=seed, nodes=nodes)
     # Only the fastest counts: a slower flight that is certified would not be the optimum.
@@ -82,7 +111,7 @@ def _shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int, n
     else:
         status = Status.INFEASIBLE if reason else Status.NOT_CONVERGED
         reason = reason or distance or suspect(task)
-    return Solution(
+    solution = Solution(
         scenario=task,
         method="shooting",
         time=chosen.trajectory.duration if chosen and status is Status.SOLVED else math.inf,
@@ -96,6 +125,7 @@ def _shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int, n
         agreed=found.agreed,
         reason=reason,
     )
+    return solution, chosen
 
 
 # The two other roads lean on SciPy, which takes longer to import than all the rest together.

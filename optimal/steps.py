@@ -35,6 +35,8 @@ from optimal.shooting import WINDINGS, Shot
 from optimal.solution import SolveFailed, Status
 from optimal.trajectory import Trajectory
 
+TIME_BUDGET = 5.0
+"""Time granted for the proof that fewer steps are impossible [s]."""
 ARRIVAL_MARGIN = 1e-3
 """How far below 1 the smallest tolerance m must be: float32 actions move the end by less."""
 EXTRA_STEPS = 8
@@ -61,7 +63,8 @@ class FewestSteps:
         lower_bound: fewer steps than this are impossible for any flight.
         proven: whether lower_bound = steps.
         status: how the search ended, a sentence.
-        reason: where there is no flight, what stands in its way, as far as known; else empty.
+        reason: where there is no flight, what stands in its way, as far as known; where one is not proven to take the
+            fewest steps, how the proof ended; else empty.
     """
 
     scenario: Scenario
@@ -89,26 +92,38 @@ class Found(NamedTuple):
     tolerance_used: float
 
 
-def fewest_steps(problem: ScenarioLike, *, windings: Sequence[int] = WINDINGS, throw: bool = True) -> FewestSteps:
+def fewest_steps(
+    problem: ScenarioLike,
+    *,
+    windings: Sequence[int] = WINDINGS,
+    time_budget: float = TIME_BUDGET,
+    throw: bool = True,
+) -> FewestSteps:
     """Return the fewest environment steps in which a flight of the scenario is found.
 
     Args:
         problem: a scenario or its name.
         windings: whole turns to try.
+        time_budget: when to stop proving that fewer steps are impossible [s]; 0 leaves the bound of thrust alone.
         throw: raise SolveFailed rather than return a result without a flight.
 
     Raises:
         SolveFailed: with the problem and the result, when no flight was found.
-        ValueError: for an unknown scenario.
+        ValueError: for an unknown scenario or a negative budget.
     """
+    if not time_budget >= 0:
+        raise ValueError(f"time_budget must be at least 0 s, got {time_budget!r}")
     target = scenario(problem)
     bound = math.ceil(projection_bound(target, target.tolerance) / target.dt - 1e-9)
     reason = impossible(target) or too_far(target)
     shots = [] if reason else [kind[0] for kind in kinds(survey(target, windings, starts=STARTS, slack=COARSE))]
     found = search_steps(target, shots, bound)
     if found is not None:
-        steps = len(found.actions)
-        return FewestSteps(target, steps, *found, lower_bound=bound, status=Status.BEST_KNOWN)
+        steps, reason = len(found.actions), ""
+        if bound < steps and time_budget > 0:
+            bound, reason = _proven_bound(target, shots[0], steps, bound, time_budget)
+        status = Status.PROVEN if bound == steps else Status.BEST_KNOWN
+        return FewestSteps(target, steps, *found, bound, status, "" if bound == steps else reason)
     status = Status.INFEASIBLE if impossible(target) else Status.NO_STEPS_FOUND
     if bound > target.max_steps:
         status, reason = Status.INFEASIBLE, _too_late(target, bound)
@@ -119,6 +134,15 @@ def fewest_steps(problem: ScenarioLike, *, windings: Sequence[int] = WINDINGS, t
     if throw:
         raise SolveFailed(target, result)
     return result
+
+
+def _proven_bound(target: Scenario, shot: Shot, steps: int, bound: int, time_budget: float) -> tuple[int, str]:
+    """Return fewer steps than what are impossible, and how the proof ended."""
+    # Here, because it leans on numba, which takes longer to import than all the rest.
+    from optimal.proof import least_steps, prove_steps
+
+    proof = prove_steps(target, shot, steps, time_budget)
+    return max(bound, least_steps(proof)), proof.verdict.value
 
 
 def _too_late(target: Scenario, bound: int) -> str:

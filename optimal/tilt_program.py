@@ -54,8 +54,9 @@ UNIT = 2.0**-53
 """Relative rounding of one operation."""
 TINY = 1e-300
 """Instead of zero where a length divides."""
-TURN, TURN_RANGE = 400, 80
-"""Least angles of one turn, and how many more are considered, so that some grid ends close to any time."""
+FINE, TURN_RANGE = 400, 0.2
+"""Least angles of one turn for a gap of 1e-3, and how many more are considered, relatively, so that some grid ends
+close to any time."""
 
 
 @dataclass(frozen=True)
@@ -88,21 +89,24 @@ class TimeGrid:
         return self.steps * self.dt * (1 - 8 * UNIT)
 
 
-def time_grid(time: float, rate_max: float, *, above: bool = False, turn: int = TURN) -> TimeGrid:
-    """Return the grid whose duration comes closest to a time from below, or from above.
+def time_grid(time: float, rate_max: float, *, turn: int = FINE) -> TimeGrid:
+    """Return the grid whose duration is at least a time, and closest to it.
 
     Args:
         time: to come close to [s].
         rate_max: of the vehicle [rad/s].
-        above: whether the duration is to be at least `time` instead of at most.
         turn: least angles of one turn.
     """
     grids = []
-    for angles in range(turn, turn + TURN_RANGE):
-        steps = time * rate_max * angles / (2 * math.pi)
-        grids.append(TimeGrid(max(2, math.ceil(steps) if above else math.floor(steps)), angles, rate_max))
-    kept = [grid for grid in grids if (grid.time >= time if above else grid.time <= time)] or grids
-    return min(kept, key=lambda grid: abs(grid.time - time))
+    for angles in range(turn, round(turn * (1 + TURN_RANGE)) + 1):
+        steps = max(2, math.ceil(time * rate_max * angles / (2 * math.pi)))
+        grids += [TimeGrid(steps, angles, rate_max), TimeGrid(steps + 1, angles, rate_max)]
+    return min((grid for grid in grids if grid.time >= time), key=lambda grid: grid.time)
+
+
+def angles_for(gap: float) -> int:
+    """Return the angles of a turn whose interpolation, falling with their square, costs a small share of a gap."""
+    return max(100, math.ceil(FINE * math.sqrt(1e-3 / gap)))
 
 
 class Most(NamedTuple):
@@ -144,6 +148,7 @@ class TiltProgram:
         self.origin = int(self.low.min()) - 1
         angle = grid.angle * np.arange(self.origin, int(self.high.max()) + 2)
         self._sin, self._cos = np.sin(angle), np.cos(angle)
+        self._values = _scratch(grid.steps, len(angle))
 
     def __call__(self, weight: Array, first: float, last: float) -> Most:
         """Bound the integral for one weight.
@@ -155,21 +160,15 @@ class TiltProgram:
         grid, quadrotor = self.grid, self.quadrotor
         count, d, dt = grid.steps, grid.angle, grid.dt
         limits = (quadrotor.thrust_min, quadrotor.thrust_max, quadrotor.gravity)
-        value, acceleration, ends = 0.0, np.zeros((count + 1, 2)), np.array([d / 2, self.slack + d / 2])
+        value, slope, ends = 0.0, np.zeros((count + 1, 2)), np.array([d / 2, self.slack + d / 2])
         target = self.winding * grid.turn
-        values = _scratch(count, len(self._sin))
         for begin in (0, 1):
-            q = weight[begin : begin + count]
-            path = np.empty(count, dtype=np.int64)
-            value += 0.5 * _sweep(
-                np.ascontiguousarray(q[:, 0]), np.ascontiguousarray(q[:, 1]), self._sin, self._cos, self.low, self.high,
-                self.origin, limits, dt, first * d, last * d, target, values, path,
+            best, start, end = _sweep(
+                weight[begin : begin + count], self._sin, self._cos, self.low, self.high, self.origin, limits, dt,
+                first * d, last * d, target, self._values, slope[begin : begin + count],
             )  # fmt: skip
-            sin, cos = self._sin[path - self.origin], self._cos[path - self.origin]
-            thrust = np.where(q[:, 0] * sin + q[:, 1] * cos > 0, quadrotor.thrust_max, quadrotor.thrust_min)
-            acceleration[begin : begin + count, 0] += 0.5 * dt * thrust * sin
-            acceleration[begin : begin + count, 1] += 0.5 * dt * (thrust * cos - quadrotor.gravity)
-            ends -= 0.5 * d * np.abs([path[0], path[-1] - target])
+            value += best / 2
+            ends -= d / 2 * np.array([abs(start), abs(end - target)])
         length = np.hypot(weight[:, 0], weight[:, 1])
         share = np.full(count + 1, dt * d**2 / 8 * quadrotor.thrust_max)
         share[[0, -1]] /= 2
@@ -179,7 +178,7 @@ class TiltProgram:
             value=value + first * d / 2 + last * (self.slack + d / 2),
             interpolation=float(share @ length),
             rounding=float(2 * (count + 64) * UNIT * size),
-            slope=acceleration + (share / np.maximum(length, TINY))[:, None] * weight,
+            slope=slope + (share / np.maximum(length, TINY))[:, None] * weight,
             ends=ends,
         )
 
@@ -205,15 +204,18 @@ def _scratch(count: int, width: int) -> Array:
 
 @numba.njit(cache=True, error_model="numpy")
 def _sweep(  # type: ignore[no-untyped-def]
-    q_x, q_z, sin, cos, low, high, origin, limits, dt, first, last, target, values, path
+    weight, sin, cos, low, high, origin, limits, dt, first, last, target, values, slope
 ):
-    """Return M and write its sequence to `path`; first and last are per multiple of d."""
+    """Return M and the ends of its sequence; first and last are per multiple of d.
+
+    Half of dt a of the sequence is added to `slope`.
+    """
     thrust_min, thrust_max, gravity = limits
-    count = q_x.shape[0]
+    count = weight.shape[0]
     for k in range(count - 1, -1, -1):
         begin, end = low[k] - origin, high[k] - origin + 1
         row = values[k, begin:end]
-        _rewards(row, sin[begin:end], cos[begin:end], dt * q_x[k], dt * q_z[k], thrust_min, thrust_max, gravity)
+        _rewards(row, sin[begin:end], cos[begin:end], dt * weight[k, 0], dt * weight[k, 1], limits)
         if k == count - 1:
             for i in range(begin, end):
                 values[k, i] -= last * abs(i + origin - target)
@@ -230,19 +232,23 @@ def _sweep(  # type: ignore[no-untyped-def]
         value = values[0, i - origin] - first * abs(i)
         if value > best:
             best, at = value, i
-    path[0] = at
-    for k in range(1, count):
+    start = at
+    for k in range(count):
         nearest, greatest = at, -np.inf
-        for i in range(max(at - 1, low[k]), min(at + 1, high[k]) + 1):
+        for i in range(max(at - 1, low[k]), min(at + 1, high[k]) + 1) if k > 0 else range(at, at + 1):
             if values[k, i - origin] > greatest:
                 nearest, greatest = i, values[k, i - origin]
         at = nearest
-        path[k] = at
-    return best
+        up, ahead = cos[at - origin], sin[at - origin]
+        thrust = thrust_max if weight[k, 0] * ahead + weight[k, 1] * up > 0 else thrust_min
+        slope[k, 0] += dt / 2 * thrust * ahead
+        slope[k, 1] += dt / 2 * (thrust * up - gravity)
+    return best, start, at
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _rewards(row, sin, cos, q_x, q_z, thrust_min, thrust_max, gravity):  # type: ignore[no-untyped-def]
+def _rewards(row, sin, cos, q_x, q_z, limits):  # type: ignore[no-untyped-def]
+    thrust_min, thrust_max, gravity = limits
     weight = gravity * q_z
     for i in range(row.shape[0]):
         lift = q_x * sin[i] + q_z * cos[i]
