@@ -53,7 +53,7 @@ def plan(
     progress()
     while len(flights) < episodes:
         try:
-            flights.append(fewest_steps(displaced(target, generator), windings=(flights[0].winding,)))
+            flights.append(fewest_steps(displaced(target, generator), windings=(flights[0].winding,), time_budget=0.0))
         except SolveFailed:
             continue
         progress()

@@ -53,7 +53,7 @@ def flat(quick: bool, advance: Advance) -> list[Row]:
     rows = []
     for i, name in enumerate(names):
         walls = paper_corridor(SCENARIOS[name])
-        best = IN_THE_PAPERS_CORRIDOR.get(name) or optimal.solve(name).time
+        best = IN_THE_PAPERS_CORRIDOR.get(name) or optimal.solve(name, max_gap=None).time
         solutions = [plan(walls.paths, ends=walls.ends) for _ in range(RUNS + 1)]
         found = [plan(walls.paths, ends=walls.ends, intervals=n) for n in grids]
         rows.append(
@@ -83,7 +83,7 @@ def corridors(quick: bool, advance: Advance) -> list[Row]:
     for i, name in enumerate(names):
         walls = corridor(SCENARIOS[name])
         solution = plan(walls.paths, ends=walls.ends)
-        best = optimal.solve(name).time
+        best = optimal.solve(name, max_gap=None).time
         rows.append(
             {
                 "scenario": name,
@@ -107,7 +107,7 @@ def pontryagin(quick: bool, advance: Advance) -> list[Row]:
     tasks = [SCENARIOS[name] for name in named] + [random_goal(generator, i) for i in range(1 if quick else 20)]
     rows = []
     for i, task in enumerate(tasks):
-        extremal, solution = fastest(task), optimal.solve(task, nodes=400)
+        extremal, solution = fastest(task), optimal.solve(task, nodes=400, max_gap=None)
         rows.append(
             {
                 "scenario": task.name,

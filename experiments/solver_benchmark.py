@@ -24,7 +24,7 @@ from rich.progress import Progress, TaskID
 
 import optimal
 from agents.evaluate import versions
-from experiments import batch_benchmark, flat_benchmark
+from experiments import batch_benchmark, bound_benchmark, flat_benchmark
 from experiments.benchmarking import REFERENCE_TIMES, Advance, Row, convergence_order, random_goal
 from experiments.files import SCHEMA, write_json
 from experiments.rockit_peer import rockit_solver
@@ -44,7 +44,9 @@ def references(quick: bool, advance: Advance) -> list[Row]:
     names = ["horizontal-3", "climb"] if quick else list(SCENARIOS)
     rows = []
     for i, name in enumerate(names):
-        optimal.solve(name, throw=False)  # builds the programs, so that the time told is that of a warm solve
+        optimal.solve(
+            name, max_gap=None, throw=False
+        )  # builds the programs, so that the time told is that of a warm solve
         row = optimal.solve(name, throw=False).row()
         known = REFERENCE_TIMES.get(name)
         rows.append(row | {"reference_s": known, "deviation": row["time_s"] / known - 1 if known else None})
@@ -67,7 +69,7 @@ def starts(quick: bool, advance: Advance) -> list[Row]:
 
 def starts_of(scenario: Scenario, count: int, seed: int) -> Row:
     """Solve a scenario by the front door, then its best winding from `count` random starts; all drawn, none plain."""
-    solution = optimal.solve(scenario, throw=False)
+    solution = optimal.solve(scenario, max_gap=None, throw=False)
     generator = np.random.default_rng((1, seed))
     shots = [shoot(scenario, solution.winding, generator=generator) for _ in range(count)]
     times = [shot.trajectory.duration for shot in shots if shot.converged]
@@ -149,6 +151,13 @@ SECTIONS: dict[str, Callable[[bool, Advance], list[Row]]] = {
     "pontryagin": flat_benchmark.pontryagin,
     "systems": flat_benchmark.systems,
     "batch": batch_benchmark.batch,
+    "bounds": bound_benchmark.bounds,
+    "goal_bounds": bound_benchmark.goal_bounds,
+    "validity": bound_benchmark.validity,
+    "steps": bound_benchmark.steps,
+    "goal_steps": bound_benchmark.goal_steps,
+    "broken": bound_benchmark.broken,
+    "warm": bound_benchmark.warm,
 }
 
 

@@ -87,13 +87,17 @@ class Certificate:
     gap: float = math.inf
 
     def holds(self) -> bool:
-        """Return whether the flight keeps every limit to TOLERANCE, and is what it says to AGREEMENT."""
+        """Return whether the flight keeps every limit to TOLERANCE, and is what it says to AGREEMENT.
+
+        One that is faster than any flight can be is none.
+        """
         return (
             self.max_control_violation <= TOLERANCE
             and self.max_path_violation <= TOLERANCE
             and self.replay_error <= AGREEMENT
             and self.terminal_error <= AGREEMENT
             and self.hoop_clearance >= -TOLERANCE
+            and self.gap >= 0
         )
 
     def row(self) -> dict[str, float]:

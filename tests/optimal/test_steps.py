@@ -20,11 +20,13 @@ FOUND = {"horizontal-3": 44, "horizontal-6": 61, "horizontal-15": 94, "diagonal"
 
 @pytest.mark.parametrize("name", ["horizontal-6", "hoop", "ground-6", "climb", "slalom"])
 def test_actions_replay_to_the_goal_at_exactly_k_steps(name):
-    result = fewest_steps(name)
+    many_hoops = name == "slalom"  # whose proof takes longer than a test may
+    result = fewest_steps(name, time_budget=0.0 if many_hoops else 30.0)
     assert result.actions.dtype == np.float32
     assert result.actions.shape == (result.steps, 2)
     assert result.lower_bound <= result.steps
-    assert not result.proven
+    assert result.proven == (not many_hoops)
+    assert result.status is (Status.BEST_KNOWN if many_hoops else Status.PROVEN)
     assert result.tolerance_used < 1
     env, envs = gym.make("FlatQuad-v0", scenario=name), FlatQuadVectorEnv(2, scenario=name)
     env.reset()
