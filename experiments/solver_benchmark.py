@@ -2,13 +2,15 @@
 
     python -m experiments.solver_benchmark [--out FILE] [--quick] [--section NAME ...]
 
-Every section answers one question in plain rows; all of them, with command, versions, machine and
-wall times, make one JSON file. A further section is a function in SECTIONS.
+Every section answers one question in plain rows, with command, date and wall time; they make one JSON file with
+the versions and the machine. Sections run one at a time join those in the file. A further section is a function in
+SECTIONS.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import platform
 import statistics
 import subprocess
@@ -29,6 +31,7 @@ from experiments.benchmarking import REFERENCE_TIMES, Advance, Row, convergence_
 from experiments.files import SCHEMA, write_json
 from experiments.rockit_peer import rockit_solver
 from flatgym import SCENARIOS, Scenario
+from optimal.export import free
 from optimal.search import AGREEMENT
 from optimal.shooting import NODES, shoot
 
@@ -173,11 +176,8 @@ def run(sections: Sequence[str], *, quick: bool, command: str, bar: Progress) ->
     Returns:
         What the results file holds.
     """
-    begun = time.perf_counter()
     results: Row = {
         "schema": SCHEMA,
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "command": command,
         "quick": quick,
         "versions": versions(),
         "machine": {"processor": platform.machine(), "system": platform.system(), "cores": joblib.cpu_count()},
@@ -185,10 +185,32 @@ def run(sections: Sequence[str], *, quick: bool, command: str, bar: Progress) ->
     }
     for name in sections:
         task: TaskID = bar.add_task(name, total=None)
-        section = time.perf_counter()
+        begun = time.perf_counter()
         rows = SECTIONS[name](quick, lambda done, of, task=task: bar.update(task, completed=done, total=of))  # type: ignore[misc]
-        results["sections"][name] = {"rows": rows, "wall_time_s": time.perf_counter() - section}
-    return results | {"wall_time_s": time.perf_counter() - begun}
+        results["sections"][name] = {
+            "rows": rows,
+            "command": command,
+            "date": datetime.now(UTC).isoformat(timespec="seconds"),
+            "wall_time_s": time.perf_counter() - begun,
+        }
+    return results
+
+
+def joined(path: Path, results: Row) -> Row:
+    """Return results with the other sections of a file of the same kind, versions and machine, if there is one."""
+    if not path.exists():
+        return results
+    try:
+        before = json.loads(path.read_text(encoding="utf-8"))
+        alike = all(before[key] == results[key] for key in results if key != "sections")
+    except (ValueError, TypeError, KeyError):
+        alike = False
+    if not alike:
+        aside = free(path.with_name(f"{path.name}.set-aside"))
+        path.replace(aside)
+        print(f"{path} is damaged, or of other versions, sizes or another machine; set aside as {aside.name}")
+        return results
+    return results | {"sections": before["sections"] | results["sections"]}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -201,8 +223,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     command = " ".join(["python -m experiments.solver_benchmark", *(sys.argv[1:] if arguments is None else arguments)])
     with Progress() as bar:
         results = run(given.section, quick=given.quick, command=command, bar=bar)
-    write_json(given.out, results)
-    print(f"written to {given.out} after {results['wall_time_s']:.0f} s")
+    write_json(given.out, joined(given.out, results))
+    print(f"{', '.join(given.section)} written to {given.out}")
 
 
 if __name__ == "__main__":

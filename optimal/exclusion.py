@@ -23,12 +23,15 @@ from flatgym.scenario import Scenario, Tolerance
 from optimal.branches import Branch, Interval
 from optimal.duals import Dual
 from optimal.separation import STEPS, separate
-from optimal.tilt_program import TimeGrid
+from optimal.tilt_program import TINY, TimeGrid
 
 HELD_SHARES = (0.25, 0.5, 0.75)
 """Instants at which the tilt may be halved, as shares of T."""
 TRIAL_STEPS = 24
 """Steps granted to the question whether one passing time could be excluded alone."""
+FAINT = 0.3
+"""What the kink at a hoop counts for at least, as a share of the greatest: an interval costs its kink times its width,
+but where it is wide the kink may be small because it costs so much."""
 WIDE = 1 / 32
 """Intervals of passing times wider than this are halved without asking."""
 
@@ -126,15 +129,16 @@ class Exclusion:
         branch, start = shown
         if not branch.passing:
             return None
-        widths = [high - low for low, high in branch.passing]
-        widest = int(np.argmax(widths))
-        if widths[widest] > WIDE:
-            return widest
-        if widths[widest] * grid.steps <= 1:
+        widths = np.array([high - low for low, high in branch.passing])
+        kinks = np.hypot(*start[4 : 4 + 2 * len(widths)].reshape(-1, 2).T)
+        loosest = int(np.argmax(widths * (kinks + FAINT * kinks.max() + TINY)))
+        if widths[loosest] > WIDE:
+            return loosest
+        if widths[loosest] * grid.steps <= 1:
             return None
         middles = tuple(((low + high) / 2,) * 2 for low, high in branch.passing)
         alone = self._try(grid, Shown(replace(branch, passing=middles), start), TRIAL_STEPS)
-        return widest if alone.value < 0 else None
+        return loosest if alone.value < 0 else None
 
     def _reach(self, grid: TimeGrid, branch: Branch, share: float) -> Interval:
         """Return the tilts a flight of a branch can have at an instant, by its rate alone [rad]."""

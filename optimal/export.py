@@ -78,6 +78,14 @@ def write_text(path: Path, text: str) -> None:
     write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
+def free(path: Path) -> Path:
+    """Return the path, with a number behind it where it is taken: for files set aside."""
+    number, free = 1, path
+    while free.exists():
+        number, free = number + 1, path.with_name(f"{path.name}-{number + 1}")
+    return free
+
+
 def _write_csv(path: Path, table: Array) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)

@@ -21,7 +21,7 @@ import numpy as np
 import flatgym
 from flatgym.scenario import Scenario
 from optimal.certificate import Certificate
-from optimal.export import write_text
+from optimal.export import free, write_text
 from optimal.solution import Solution, Status
 from optimal.steps import FewestSteps
 from optimal.trajectory import Trajectory
@@ -57,7 +57,7 @@ class Store:
         except FileNotFoundError:
             return None
         except (ValueError, KeyError, TypeError, AttributeError) as error:
-            aside = _free(path.with_name(path.name + ".set-aside"))
+            aside = free(path.with_name(path.name + ".set-aside"))
             path.replace(aside)
             warnings.warn(
                 f"{path} cannot be used ({error}); set aside as {aside.name} and computed again", stacklevel=2
@@ -76,14 +76,6 @@ class Store:
         except OSError as error:
             words = f"{error.strerror}; the answers finished before are kept: make room and run again"
             raise OSError(error.errno, words, str(path)) from error
-
-
-def _free(path: Path) -> Path:
-    """Return the path, with a number behind it where it is taken."""
-    number, free = 1, path
-    while free.exists():
-        number, free = number + 1, path.with_name(f"{path.name}-{number + 1}")
-    return free
 
 
 def encoded(answer: Answer) -> str:
