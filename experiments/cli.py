@@ -126,24 +126,25 @@ def _upright(row: dict[str, Any]) -> pd.DataFrame:
 
 @app.command(epilog="Example: flatquad paper --json")
 def paper(
-    out: Annotated[Path, typer.Option(help="File to write the rows to; figures 2 to 6 go beside it.")] = RESULTS
+    out: Annotated[Path, typer.Option(help="File to write the rows to; the figures go beside it.")] = RESULTS
     / "paper.json",
     as_json: AsJson = False,
 ) -> None:
-    """Compare the paper's printed times with what can be flown, road by road, and draw its figures."""
+    """Compare the paper's printed times with what can be flown, judge which are impossible, and draw its figures."""
     from agents.evaluate import versions
     from experiments import paper, paper_figures
 
     with progress_bar() as bar:
         work = bar.add_task("the paper's cases", total=len(paper.questions()), note="")
-        rows, ease = paper.tables(progress=lambda: bar.advance(work))
-        record = {"rows": rows.to_dict("records"), "ease": ease.to_dict("records")}
+        tables = paper.tables(progress=lambda: bar.advance(work))
+        record = plain({name: table.to_dict("records") for name, table in tables.items()})
         write_json(out, {"schema": SCHEMA, "command": command_line(), "versions": versions(), **record})
-        work = bar.add_task("the paper's figures", total=len(paper_figures.FIGURES), note="")
-        paper_figures.write(out.parent, progress=lambda: bar.advance(work))
+        pages = paper_figures.pages(record["judged"])
+        work = bar.add_task("the paper's figures", total=len(pages), note="")
+        paper_figures.write(pages, out.parent, progress=lambda: bar.advance(work))
     messages.print(f"results and figures: {out.parent.resolve()}")
     if as_json:
-        typer.echo(json.dumps(plain(record), indent=1))
+        typer.echo(json.dumps(record, indent=1))
         return
     titles = {
         "scenario": "case",
@@ -156,12 +157,11 @@ def paper(
         "reference_8_s": "[8]",
         "lower_bound_s": "bound",
     }
-    show(rows, as_json, "The paper's flights: printed, rebuilt, flown [s]", titles)
+    show(tables["rows"], as_json, "The paper's flights: printed, rebuilt, flown [s]", titles)
     screen.print(
         "nodes only: the published transcription, limits at grid nodes only; its excess is the largest violation "
         "between nodes, relative to the limit. flat, T*: the paper's method and shooting, within all limits at all "
-        "times. Pontryagin: the method of [8], for flights in free space. bound: no flight is faster, by an argument "
-        "on thrust alone.\n",
+        "times. Pontryagin: the method of [8], for flights in free space. bound: proven, no flight is faster.\n",
         markup=False,
     )
     titles = {
@@ -175,14 +175,21 @@ def paper(
         "succeeded": "found",
     }
     show(
-        paper.by_road(ease),
+        paper.by_road(tables["ease"]),
         as_json,
         "How easily: one solve from a plain start, and such starts on several grids",
         titles,
     )
     screen.print(
         "Medians over the cases [s]; cold: with the program yet to be built; warm: again. found: starts whose flight "
-        f"keeps all limits at all times and is within {paper.SUCCESS:.1%} of the road's best.",
+        f"keeps all limits at all times and is within {paper.SUCCESS:.1%} of the road's best.\n",
+        markup=False,
+    )
+    show(paper.verdicts(tables["judged"]), as_json, "The paper judged: which printed times are impossible [s]")
+    screen.print(
+        "No flight within the paper's limits is faster than the proven bound; one takes the time flown, the gap above "
+        "it. A printed time is impossible if it lies below the bound even with half a unit of its last digit added. "
+        f"{paper.judgement(tables['judged'])}",
         markup=False,
     )
 

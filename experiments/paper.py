@@ -3,6 +3,9 @@
 `compare` answers for one case, Table I, the ground constraint, the displacement to (5, 5) or the hoop,
 at which time each road arrives. The printed numbers are facts of the paper; all others are computed here.
 
+`judge` asks which printed times are impossible: below a proven lower bound of the flight time, under the
+paper's own limits, even if the last printed digit was rounded down.
+
 `ease` looks into the paper's argument that its problem "can be initialized easily" (section II-E): for
 each road, with a plain start and no search, how many iterations and seconds it takes, and how often it
 arrives. Seconds are told cold, with the program yet to be built, and warm; so every question of `tables`
@@ -16,7 +19,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from math import inf
+from math import floor, inf
 from typing import Any
 
 import pandas as pd
@@ -31,27 +34,27 @@ from optimal.refinement import INTERVALS
 from optimal.shooting import NODES, shoot
 from optimal.trajectory import Flight
 
-PRINTED = {
-    "horizontal-3": 0.8902,
-    "horizontal-6": 1.223,
-    "horizontal-9": 1.478,
-    "horizontal-12": 1.694,
-    "horizontal-15": 1.885,
-    "ground-6": 1.227,
-    "diagonal": 1.289,
+PRINTED: dict[str, str | None] = {
+    "horizontal-3": "0.8902",
+    "horizontal-6": "1.223",
+    "horizontal-9": "1.478",
+    "horizontal-12": "1.694",
+    "horizontal-15": "1.885",
+    "ground-6": "1.227",
+    "diagonal": "1.289",
     "hoop": None,
 }
-"""Flight times the paper prints [s]; None where it shows a flight without its time."""
+"""Flight times the paper prints [s], with the digits it prints; None where it shows a flight without its time."""
 
-PONTRYAGIN = {
-    "horizontal-3": 0.8977,
-    "horizontal-6": 1.231,
-    "horizontal-9": 1.488,
-    "horizontal-12": 1.705,
-    "horizontal-15": 1.895,
-    "diagonal": 1.4,
+PONTRYAGIN: dict[str, str] = {
+    "horizontal-3": "0.8977",
+    "horizontal-6": "1.231",
+    "horizontal-9": "1.488",
+    "horizontal-12": "1.705",
+    "horizontal-15": "1.895",
+    "diagonal": "1.4",
 }
-"""Flight times of the paper's reference [8] as the paper prints them [s]."""
+"""Flight times of the paper's reference [8] as the paper prints them [s], with these digits."""
 
 COLUMNS = (
     "scenario",
@@ -65,6 +68,18 @@ COLUMNS = (
     "reference_8_s",
     "lower_bound_s",
 )
+JUDGED_COLUMNS = (
+    "scenario",
+    "printed_s",
+    "lower_bound_s",
+    "flown_s",
+    "gap",
+    "shortfall_s",
+    "shortfall",
+    "impossible",
+    "reference_8_s",
+    "reference_8_impossible",
+)
 EASE_COLUMNS = ("scenario", "road", "best_s", "iterations", "cold_s", "warm_s", "starts", "converged", "succeeded")
 
 INTERVAL_COUNTS = (20, 30, 40, 50, 60)
@@ -73,6 +88,8 @@ NODE_COUNTS = (50, 75, 100, 150, 200)
 """Grids of the plain starts of shooting, and of the direct solutions that Pontryagin's conditions begin from."""
 SUCCESS = 5e-3
 """How much slower than the road's fastest a certified flight may be, relatively, to count as found."""
+MAX_GAP, TIME_BUDGET = 2e-4, 30.0
+"""How close to the fastest flight the lower bounds are to come, relatively, and the time granted for each [s]."""
 PROCESSES = 2
 
 
@@ -81,21 +98,62 @@ def compare(name: str) -> dict[str, Any]:
 
     None stands where there is nothing to be said: not printed, or not within a road's reach.
     """
-    nodes = optimal.solve(name, method="flat", checks="nodes", throw=False)
-    flat = optimal.solve(name, method="flat", throw=False)
-    shooting = optimal.solve(name, throw=False)
+    # A bound holds for every road, so that it is proven once.
+    nodes = optimal.solve(name, method="flat", checks="nodes", max_gap=None, throw=False)
+    flat = optimal.solve(name, method="flat", max_gap=None, throw=False)
+    shooting = optimal.solve(name, max_gap=MAX_GAP, time_budget=TIME_BUDGET, throw=False)
     return {
         "scenario": name,
-        "printed_s": PRINTED[name],
+        "printed_s": seconds(PRINTED[name]),
         "nodes_only_s": nodes.time,
         "nodes_only_violation": nodes.certificate.max_control_violation,
         "flat_certified_s": flat.time,
         "flat_status": flat.status.value,
         "shooting_s": shooting.time,
         "pontryagin_s": fastest(SCENARIOS[name]).time if in_free_space(name) else None,
-        "reference_8_s": PONTRYAGIN.get(name),
+        "reference_8_s": seconds(PONTRYAGIN.get(name)),
         "lower_bound_s": shooting.certificate.lower_bound,
     }
+
+
+def judge(name: str) -> dict[str, Any]:
+    """Return whether the printed time of one case is possible at all, keyed by JUDGED_COLUMNS.
+
+    No flight is faster than `lower_bound_s`, and one takes `flown_s`, the `gap` above it. `shortfall_s` [s] and
+    `shortfall` (relative) say how far below the bound the printed time lies; None where it does not. A time that
+    is not `impossible` is not excluded, which does not make it possible; None where none is printed.
+    """
+    proof = optimal.prove(name, max_gap=MAX_GAP, time_budget=TIME_BUDGET)
+    bound, printed, reference = proof.time, PRINTED[name], PONTRYAGIN.get(name)
+    time_s = seconds(printed)
+    shortfall = None if time_s is None or time_s >= bound else bound - time_s
+    return {
+        "scenario": name,
+        "printed_s": time_s,
+        "lower_bound_s": bound,
+        "flown_s": proof.flown,
+        "gap": proof.gap,
+        "shortfall_s": shortfall,
+        "shortfall": None if shortfall is None else shortfall / bound,
+        "impossible": impossible(printed, bound),
+        "reference_8_s": seconds(reference),
+        "reference_8_impossible": impossible(reference, bound),
+    }
+
+
+def seconds(printed: str | None) -> float | None:
+    """Return a printed time as a number [s]."""
+    return None if printed is None else float(printed)
+
+
+def rounded_up(printed: str) -> float:
+    """Return the longest time that is printed so [s]: half a unit of the last digit more."""
+    return float(printed) + 0.5 * 10.0 ** -len(printed.partition(".")[2])
+
+
+def impossible(printed: str | None, bound: float) -> bool | None:
+    """Return whether every time that is printed so lies below a lower bound [s]; None where none is printed."""
+    return None if printed is None else rounded_up(printed) < bound
 
 
 def in_free_space(name: str) -> bool:
@@ -190,30 +248,71 @@ def timed(solve: Callable[[], Run]) -> tuple[float, Run]:
     return time.perf_counter() - begun, run
 
 
-def questions() -> list[tuple[str, str | None]]:
-    """Return the cases and their roads; None is the comparison of all roads."""
-    roads: list[tuple[str, str | None]] = [(name, None) for name in PRINTED]
-    return roads + [(name, road) for name in PRINTED for road in ROADS if road != "pontryagin" or in_free_space(name)]
+TABLES: dict[str, tuple[Callable[..., dict[str, Any]], tuple[str, ...]]] = {
+    "rows": (compare, COLUMNS),
+    "judged": (judge, JUDGED_COLUMNS),
+    "ease": (ease, EASE_COLUMNS),
+}
+"""The tables by their names in results files: what answers for one row, and the columns."""
 
 
-def answer(question: tuple[str, str | None]) -> dict[str, Any]:
+def questions() -> list[tuple[str, tuple[str, ...]]]:
+    """Return the table of every row, and the case, or case and road, that it answers for."""
+    cases = [(table, (name,)) for table in ("rows", "judged") for name in PRINTED]
+    roads = [(name, road) for name in PRINTED for road in ROADS if road != "pontryagin" or in_free_space(name)]
+    return [*cases, *(("ease", pair) for pair in roads)]
+
+
+def answer(question: tuple[str, tuple[str, ...]]) -> dict[str, Any]:
     """Return the row that answers one of the `questions`."""
-    name, road = question
-    return compare(name) if road is None else ease(name, road)
+    table, about = question
+    return TABLES[table][0](*about)
 
 
-def tables(progress: Callable[[], Any] = lambda: None) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the rows of `compare` and those of `ease`; `progress` is called after each of the `questions`.
+def tables(progress: Callable[[], Any] = lambda: None) -> dict[str, pd.DataFrame]:
+    """Return the TABLES by name; `progress` is called after each of the `questions`.
 
     Each is answered in a new process, so that cold is cold.
     """
-    rows: tuple[list[dict[str, Any]], list[dict[str, Any]]] = ([], [])
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
     asked = questions()
     with multiprocessing.get_context("spawn").Pool(PROCESSES, maxtasksperchild=1) as pool:
-        for (_, road), row in zip(asked, pool.imap(answer, asked), strict=True):
-            rows[road is not None].append(row)
+        for (table, _), row in zip(asked, pool.imap(answer, asked), strict=True):
+            rows[table].append(row)
             progress()
-    return pd.DataFrame(rows[0], columns=list(COLUMNS)), pd.DataFrame(rows[1], columns=list(EASE_COLUMNS))
+    return {name: pd.DataFrame(rows[name], columns=list(columns)) for name, (_, columns) in TABLES.items()}
+
+
+def verdicts(judged: pd.DataFrame) -> pd.DataFrame:
+    """Return the judged table as one reads it, in words; bounds are rounded down, so that they stay bounds."""
+
+    def verdict(row: dict[str, Any]) -> str:
+        if not row["impossible"]:
+            return "-" if row["impossible"] is None else "not excluded"
+        return f"{row['shortfall_s']:.4f} s, {row['shortfall']:.2%}"
+
+    return pd.DataFrame(
+        {
+            "case": row["scenario"],
+            "printed": PRINTED[row["scenario"]] or "-",
+            "bound": f"{floor(row['lower_bound_s'] * 1e5) / 1e5:.5f}",
+            "flown": f"{row['flown_s']:.5f}",
+            "gap": f"{row['gap']:.3%}",
+            "impossible by": verdict(row),
+        }
+        for row in judged.to_dict("records")
+    )
+
+
+def judgement(judged: pd.DataFrame) -> str:
+    """Return in a sentence how many printed times are impossible, and which of reference [8]'s."""
+    printed, reference = (judged.set_index("scenario")[of].dropna() for of in ("impossible", "reference_8_impossible"))
+    names = [name for name, excluded in reference.items() if excluded]
+    which = f" ({', '.join(names)})" if names else ""
+    return (
+        f"So {sum(printed)} of the paper's {len(printed)} times are impossible, and {len(names)} of the "
+        f"{len(reference)} of its reference [8]{which}."
+    )
 
 
 def by_road(ease: pd.DataFrame) -> pd.DataFrame:

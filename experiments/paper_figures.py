@@ -1,22 +1,25 @@
 """The paper's Figs. 2 to 6 drawn from flights that keep all limits at all times.
 
 Fig. 2 explains the idea, y_r(s) = p_1(s) y_1(s) + p_2(s) y_2(s) between outer paths y_1 and y_2; Figs. 3, 4
-and 5 show the vehicle in equal time steps, Fig. 6 the controls of the flight of Fig. 5.
+and 5 show the vehicle in equal time steps, Fig. 6 the controls of the flight of Fig. 5. `judged` is not the
+paper's: it shows where its printed times lie between the impossible and the flown.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import plotly.graph_objects as go
 
 import optimal
 from experiments import figures
 from experiments.figures import COLOURS, FAINT, INK, OUTLINE, Track
+from experiments.paper import verdicts
 from flatgym import SCENARIOS
 from flatgym.quadrotor import Array
 from optimal.corridors import paper_corridor
@@ -27,6 +30,9 @@ WIDTH = 900
 """Of every figure [px]."""
 STEP = 0.002
 """Time between the drawn points of a flight [s]."""
+MARGIN = 1.7
+"""Room for words beside the judged times [%]."""
+MINUS = "\N{MINUS SIGN}"
 UPPER = BezierPath(((0.0, 1.6), (1.2, 3.0), (2.3, 1.9), (3.7, 0.7), (4.6, 3.1), (6.0, 2.8)))
 LOWER = BezierPath(((0.0, 0.7), (1.2, 0.6), (2.2, 1.4), (3.4, 0.7), (4.6, 0.1), (6.0, 1.6)))
 """The outer paths y_1 and y_2 of Fig. 2 [m]; the paper draws its own without numbers."""
@@ -130,25 +136,84 @@ def fig6() -> go.Figure:
     return _sized(figures.controls(SCENARIOS["hoop"].quadrotor, tracks, "Fig. 6: controls through the hoop"), 560)
 
 
-FIGURES: dict[str, Callable[[], go.Figure]] = {
+Draw = Callable[[], go.Figure]
+FIGURES: dict[str, Draw] = {
     "figure-2": fig2,
     "figure-3": fig3,
     "figure-4": fig4,
     "figure-5": fig5,
     "figure-6": fig6,
 }
-"""The figures by the names of their files."""
+"""The paper's figures by the names of their files."""
 
 
-def write(folder: Path, progress: Callable[[], Any] = lambda: None) -> None:
-    """Write all figures as pages into a folder; `progress` is called after each."""
-    for name, draw in FIGURES.items():
+def judged(rows: Sequence[Mapping[str, Any]]) -> go.Figure:
+    """Return where printed and flown times lie, in percent above the proven bound; below it nothing can be flown.
+
+    Args:
+        rows: of `paper.judge`.
+    """
+    table = pd.DataFrame(rows)
+    words, lines = verdicts(table), np.arange(len(table))
+    bound = table["lower_bound_s"].to_numpy(dtype=float)
+    printed, flown = (100 * (table[key].to_numpy(dtype=float) / bound - 1) for key in ("printed_s", "flown_s"))
+    top, bottom = -1.5, len(lines) - 0.4
+    left, right = np.nanmin([0, *printed]) - MARGIN, np.nanmax([*printed, *flown]) + MARGIN
+    figure = go.Figure()
+    figure.add_vrect(x0=left, x1=0, fillcolor=COLOURS[1], opacity=0.1, layer="below", line_width=0)
+    _line(figure, np.array([[0, top], [0, bottom]]), "bound", {"color": INK, "width": 2})
+    for x, y in zip(printed, lines, strict=True):
+        _line(figure, np.array([[x, y], [0, y]]), "shortfall", {"color": COLOURS[1], "width": 3})
+    for name, percent, colour, side, shift in (
+        ("printed", printed, COLOURS[1], "right", -9),
+        ("flown", flown, COLOURS[0], "left", 9),
+    ):
+        figure.add_scatter(
+            x=percent, y=lines, mode="markers", name=name, text=words[name] + " s", hoverinfo="name+text",
+            marker={"size": 10, "color": colour},
+        )  # fmt: skip
+        for i in lines[np.isfinite(percent)]:  # not where no time is printed
+            text = f"{percent[i]:+.2f} %".replace("-", MINUS)
+            _note(figure, text, colour, x=percent[i], y=i, xanchor=side, xshift=shift)
+    _note(figure, "impossible: faster than any flight", COLOURS[1], x=0, y=-1, xanchor="right", xshift=-9)
+    _columns(figure, words)
+    figure.update_xaxes(title="flight time above the proven bound [%]", range=[left, right], zeroline=False)
+    figure.update_yaxes(range=[bottom, top], showticklabels=False, showgrid=False, zeroline=False)
+    figures.layout(figure, "The paper judged: no flight is faster than the proven bound")
+    figure.update_layout(showlegend=False, margin={"l": 235, "r": 172, "t": 65})
+    return _sized(figure, 153 + 38 * len(lines))
+
+
+def _columns(figure: go.Figure, words: pd.DataFrame) -> None:
+    """Write cases and times beside the lines of `judged`."""
+    for name, unit, colour, edge, side, shift in (
+        ("case", "", INK, 0, "left", -190),
+        ("printed", " [s]", COLOURS[1], 0, "right", -14),
+        ("bound", " [s]", INK, 1, "right", 74),
+        ("flown", " [s]", COLOURS[0], 1, "right", 150),
+    ):
+        for y, text in enumerate([name + unit, *words[name]], start=-1):
+            _note(figure, text, colour, x=edge, xref="paper", y=y, xanchor=side, xshift=shift)
+
+
+def pages(rows: Sequence[Mapping[str, Any]]) -> dict[str, Draw]:
+    """Return all figures by the names of their files; `rows` are those of `paper.judge`."""
+    return {**FIGURES, "judged": partial(judged, rows)}
+
+
+def write(pages: Mapping[str, Draw], folder: Path, progress: Callable[[], Any] = lambda: None) -> None:
+    """Write figures as pages into a folder; `progress` is called after each."""
+    for name, draw in pages.items():
         figures.write(draw(), folder / f"{name}.html")
         progress()
 
 
 def _line(figure: go.Figure, points: Array, name: str, style: dict[str, Any]) -> None:
     figure.add_scatter(x=points[:, 0], y=points[:, 1], mode="lines", name=name, line=style, hoverinfo="skip")
+
+
+def _note(figure: go.Figure, text: str, colour: str, **place: Any) -> None:
+    figure.add_annotation(text=text, font={"color": colour}, showarrow=False, **place)
 
 
 def _sized(figure: go.Figure, height: int) -> go.Figure:

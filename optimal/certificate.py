@@ -7,8 +7,8 @@ ceiling. The replay is itself a flight of held controls, known in closed form, s
 said of its controls and its path is a bound at every instant (`flatgym.arc`), not a sample.
 
 What the flight itself does between two instants is shown in one of three ways. Held controls are
-their own bounds. So is the rate of a singular arc, c/|q|^2 with q linear in time, greatest where |q| is
-least; the paths of both are their replays'. A `Bounded` flight, which may be further from its replay
+their own bounds. A `Ranged` flight (singular arcs: `optimal.pontryagin`) proves bounds of its controls; the
+paths of both are their replays'. A `Bounded` flight, which may be further from its replay
 than from a limit it touches, proves bounds of its own controls and path (flat motions:
 `optimal.flat_bounds`), and the replay only that they belong together. Of any other flight nothing is
 known, and its controls are unbounded. What could not be shown is inf, never 0.
@@ -43,11 +43,16 @@ control held over the interval, and the error falls with the square of their num
 
 
 @runtime_checkable
-class Bounded(Protocol):
-    """A flight that proves bounds of itself in continuous time."""
+class Ranged(Protocol):
+    """A flight that proves bounds of its controls in continuous time."""
 
     def control_range(self) -> Array:
         """Return bounds of [thrust, rate], least and greatest, shape (2, 2); infinite where nothing is shown."""
+
+
+@runtime_checkable
+class Bounded(Ranged, Protocol):
+    """A flight that proves bounds of its controls and of its path in continuous time."""
 
     def farthest(self, direction: Array) -> float:
         """Return an upper bound of position . direction [m]; inf where nothing is shown."""
@@ -176,32 +181,11 @@ def control_range(flight: Flight) -> Array:
     Only a flight whose class is known, or that proves them itself, has any: what answers like a
     `Trajectory` may still do something else between two breakpoints.
     """
-    if isinstance(flight, Bounded):
+    if isinstance(flight, Ranged):
         return flight.control_range()
     if type(flight) is Trajectory:
         return np.array([flight.controls.min(axis=0), flight.controls.max(axis=0)])
-    if isinstance(flight, Trajectory):
-        return _extremal_range(flight)
     return np.array([[-math.inf] * 2, [math.inf] * 2])
-
-
-def _extremal_range(flight: Trajectory) -> Array:
-    """Return the bounds of an extremal, which may have singular arcs; infinite for any other kind of `Trajectory`."""
-    # Here, because it leans on SciPy, which takes longer to import than all the rest.
-    from optimal.pontryagin import ExtremalFlight
-
-    if type(flight) is not ExtremalFlight:
-        return np.array([[-math.inf] * 2, [math.inf] * 2])
-    q = flight.costate(flight.breakpoints)[:, 2:4]
-    begin, end = q[:-1], q[1:]
-    along = end - begin
-    share = np.clip(-(begin * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-300), 0, 1)
-    least = ((begin + share[:, None] * along) ** 2).sum(axis=1)
-    with np.errstate(divide="ignore"):
-        rate = abs(flight.q1[0] * flight.q0[1] - flight.q1[1] * flight.q0[0]) / least
-    thrust, held = flight.controls.T
-    rate = float(np.where(np.isnan(held), rate, np.abs(held)).max())
-    return np.array([[thrust.min(), -rate], [thrust.max(), rate]])
 
 
 def fly_again(flight: Flight, scenario: Scenario, time: Array, states: Array) -> tuple[Array, Arc]:

@@ -144,3 +144,8 @@ class Dual:
         slope[-2:] += scale * most.ends
         size = np.abs(y) @ self._size
         return Cut(value, most.rounding + ROUNDINGS * UNIT * float(size), slope)
+
+
+def hoop_kinks(multipliers: Array, hoops: int) -> Array:
+    """Return T k of each hoop, shape (H, 2), from the multipliers of a `Dual`."""
+    return multipliers[4 : 4 + 2 * hoops].reshape(-1, 2)

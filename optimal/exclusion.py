@@ -21,7 +21,7 @@ import numpy as np
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario, Tolerance
 from optimal.branches import Branch, Interval
-from optimal.duals import Dual
+from optimal.duals import Dual, hoop_kinks
 from optimal.separation import STEPS, separate
 from optimal.tilt_program import TINY, TimeGrid
 
@@ -130,7 +130,7 @@ class Exclusion:
         if not branch.passing:
             return None
         widths = np.array([high - low for low, high in branch.passing])
-        kinks = np.hypot(*start[4 : 4 + 2 * len(widths)].reshape(-1, 2).T)
+        kinks = np.hypot(*hoop_kinks(start, len(widths)).T)
         loosest = int(np.argmax(widths * (kinks + FAINT * kinks.max() + TINY)))
         if widths[loosest] > WIDE:
             return loosest

@@ -100,6 +100,21 @@ class ExtremalFlight(Trajectory):
         rate = np.where(np.isnan(control[..., 1]), following, control[..., 1])
         return np.stack([control[..., 0], rate], axis=-1)
 
+    def control_range(self) -> Array:
+        """Return bounds of [thrust, rate], least and greatest, shape (2, 2).
+
+        The rate of a singular arc, c/|q|^2 with q linear in time, is greatest where |q| is least.
+        """
+        q = self.costate(self.breakpoints)[:, 2:4]
+        begin, along = q[:-1], np.diff(q, axis=0)
+        share = np.clip(-(begin * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-300), 0, 1)
+        least = ((begin + share[:, None] * along) ** 2).sum(axis=1)
+        with np.errstate(divide="ignore"):
+            rate = abs(self.q1[0] * self.q0[1] - self.q1[1] * self.q0[0]) / least
+        thrust, held = self.controls.T
+        rate = float(np.where(np.isnan(held), rate, np.abs(held)).max())
+        return np.array([[thrust.min(), -rate], [thrust.max(), rate]])
+
     def costate(self, t: ArrayLike, p: ArrayLike = 0.0) -> Array:
         """Return the costates of position, velocity and, as given, tilt at times t, shape (..., 5)."""
         time, p = np.broadcast_arrays(np.asarray(t, dtype=np.float64), p)

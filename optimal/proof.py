@@ -29,8 +29,6 @@ from optimal.tilt_program import TimeGrid, angles_for, time_grid
 
 MAX_GAP, TIME_BUDGET = 1e-3, 60.0
 """How close to the fastest flight known a bound is to come, relatively, and the time granted for it [s]."""
-STEPS_LESS = (8, 4, 2, 1)
-"""Environment steps less than the fewest known that are tried on the way."""
 ROOM = 1e-9
 """By how much a task is widened to be sure that an environment's rounding is inside [m, m/s, rad]."""
 
@@ -178,8 +176,14 @@ def prove_steps(target: Scenario, shot: Shot, steps: int, time_budget: float = T
     free = shoot(wide, shot.winding, tolerant=True)
     known = free.converged and free.trajectory.duration <= fewer * (1 + ROOM)
     last = free.trajectory.duration / (1 + MAX_GAP) if known else fewer
-    times = [(steps - less) * target.dt for less in STEPS_LESS if 0 < (steps - less) * target.dt < last]
-    grids = [time_grid(value * (1 + ROOM), target.quadrotor.rate_max) for value in [*times, last]]
+    simple, less, times = projection_bound(wide, wide.tolerance), 2, [last]
+    while (steps - less) * target.dt > simple:
+        if (steps - less) * target.dt < last:
+            times.insert(0, (steps - less) * target.dt)
+        less *= 2
+    turns = [angles_for(steps * target.dt / value - 1) for value in times[:-1]] + [angles_for(MAX_GAP)]
+    rate = target.quadrotor.rate_max
+    grids = [time_grid(value * (1 + ROOM), rate, turn=turn) for value, turn in zip(times, turns, strict=True)]
     proof = _climb(wide, shot, steps * target.dt, wide.tolerance, grids, time_budget)
     return replace(proof, verdict=Verdict.FREE) if known and proof.verdict is Verdict.CLOSED else proof
 

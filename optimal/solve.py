@@ -11,6 +11,7 @@ from dataclasses import replace
 from flatgym.catalogue import ScenarioLike, scenario
 from flatgym.scenario import Scenario
 from optimal.certificate import certify
+from optimal.clearance import tighten
 from optimal.costates import report
 from optimal.feasibility import impossible, suspect, too_far
 from optimal.search import AGREEMENT, STARTS, Search, search
@@ -105,6 +106,8 @@ def _shooting(
     # Only the fastest counts: a slower flight that is certified would not be the optimum.
     chosen = found.shots[0] if found.shots else None
     certificate = certify(chosen.trajectory if chosen else None, task)
+    if chosen and not certificate.holds():
+        chosen, certificate = tighten(task, chosen, certificate)
     if chosen:
         certificate = replace(certificate, hamiltonian_drift=report(chosen, task).hamiltonian_drift)
         status = Status.SOLVED if certificate.holds() else Status.NOT_CERTIFIED

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments import cli, paper, paper_figures, readme
-from experiments.paper import COLUMNS, EASE_COLUMNS, PONTRYAGIN, PRINTED, compare, ease
+from experiments.paper import COLUMNS, EASE_COLUMNS, JUDGED_COLUMNS, PONTRYAGIN, PRINTED, compare, ease, judge
 from flatgym import SCENARIOS
 from optimal.shooting import shoot
 
@@ -17,10 +17,16 @@ def row():
     return compare("horizontal-3")
 
 
+@pytest.fixture(scope="module")
+def judged():
+    """The judgement of all cases, a few seconds' work."""
+    return pd.DataFrame([judge(name) for name in PRINTED], columns=list(JUDGED_COLUMNS))
+
+
 def test_the_order_of_the_roads(row):
     assert tuple(row) == COLUMNS
     # What is printed is faster than the optimum; no certified flight is.
-    assert row["lower_bound_s"] < row["printed_s"] < row["shooting_s"] < row["flat_certified_s"]
+    assert row["printed_s"] < row["lower_bound_s"] < row["shooting_s"] < row["flat_certified_s"]
     assert row["flat_certified_s"] < 1.003 * row["shooting_s"]
     assert row["shooting_s"] == pytest.approx(row["reference_8_s"], abs=2e-3)
     assert row["pontryagin_s"] == pytest.approx(row["shooting_s"], rel=1e-4)
@@ -33,8 +39,65 @@ def test_limits_at_nodes_only_are_no_flight(row):
 
 def test_reference_8_is_known_where_the_paper_prints_it():
     assert set(PONTRYAGIN) <= set(PRINTED)
-    assert all(PRINTED[name] < time for name, time in PONTRYAGIN.items())
+    assert all(float(PRINTED[name]) < float(time) for name, time in PONTRYAGIN.items())
     assert all(paper.in_free_space(name) for name in PONTRYAGIN)
+
+
+def test_no_flight_is_faster_than_the_bound_and_one_is_hardly_slower(judged):
+    assert (judged["lower_bound_s"] <= judged["flown_s"]).all()
+    assert (judged["gap"] <= paper.MAX_GAP).all()
+    assert judged["gap"].tolist() == pytest.approx((judged["flown_s"] / judged["lower_bound_s"] - 1).tolist())
+
+
+def test_all_printed_times_are_impossible_even_rounded_up(judged):
+    told = judged[judged["printed_s"].notna()]
+    assert len(told) == 7
+    assert told["impossible"].all()
+    assert (told["scenario"].map(PRINTED).map(paper.rounded_up) < told["lower_bound_s"]).all()
+
+
+def test_the_shortfall_leads_from_the_printed_time_to_the_bound(judged):
+    told = judged[judged["printed_s"].notna()]
+    assert (told["printed_s"] + told["shortfall_s"]).tolist() == pytest.approx(told["lower_bound_s"].tolist())
+    assert (told["lower_bound_s"] * (1 - told["shortfall"])).tolist() == pytest.approx(told["printed_s"].tolist())
+
+
+def test_what_is_not_printed_is_not_judged(judged):
+    rows = judged.set_index("scenario")
+    assert rows.loc["hoop", ["impossible", "reference_8_impossible"]].tolist() == [None, None]
+    assert rows.loc["hoop", ["printed_s", "shortfall_s", "shortfall", "reference_8_s"]].isna().all()
+    assert set(rows.index[rows["reference_8_impossible"].notna()]) == set(PONTRYAGIN)
+
+
+def test_no_flight_of_ours_is_ruled_out_by_a_bound_of_another_proof(judged, row):
+    mine = judged.set_index("scenario").loc["horizontal-3"]
+    assert row["lower_bound_s"] == pytest.approx(mine["lower_bound_s"], rel=paper.MAX_GAP)
+    assert mine["lower_bound_s"] <= min(row[road] for road in ("shooting_s", "flat_certified_s", "pontryagin_s"))
+
+
+@pytest.mark.parametrize("printed", ["0.8902", "1.223", "1.4", "2"])
+def test_a_time_is_impossible_only_if_all_times_printed_so_are(printed):
+    digits = len(printed.partition(".")[2])
+    longest = paper.rounded_up(printed)
+    assert f"{longest - 1e-9:.{digits}f}" == printed != f"{longest + 1e-9:.{digits}f}"
+    assert paper.impossible(printed, longest + 1e-9)
+    assert not paper.impossible(printed, longest)
+    assert not paper.impossible(printed, float(printed))
+    assert paper.impossible(None, longest) is None
+
+
+def test_verdicts_say_how_much_is_missing_and_never_raise_a_bound(judged):
+    read = paper.verdicts(judged).set_index("case")
+    assert read["printed"].to_dict() == {name: printed or "-" for name, printed in PRINTED.items()}
+    assert (read["bound"].astype(float).to_numpy() <= judged["lower_bound_s"].to_numpy()).all()
+    assert read.loc["diagonal", "impossible by"] == "0.1220 s, 8.65%"
+    assert read.loc["hoop", "impossible by"] == "-"
+    loose = judged.assign(impossible=[False if verdict else None for verdict in judged["impossible"]])
+    assert paper.verdicts(loose)["impossible by"].tolist() == ["not excluded"] * 7 + ["-"]
+    assert paper.judgement(judged).startswith("So 7 of the paper's 7 times are impossible, and 1 of the 6 ")
+    assert "(horizontal-3)" in paper.judgement(judged)
+    none = judged.assign(reference_8_impossible=[False if known else None for known in judged["reference_8_s"].notna()])
+    assert paper.judgement(none).endswith("and 0 of the 6 of its reference [8].")
 
 
 @pytest.mark.parametrize("road", ["shooting", "pontryagin"])
@@ -68,45 +131,62 @@ def test_only_certified_flights_near_the_best_succeed(monkeypatch):
 
 def test_questions_ask_pontryagin_only_in_free_space():
     asked = paper.questions()
-    assert len(asked) == len(set(asked)) == 8 * 4 + 6
-    assert ("hoop", "pontryagin") not in asked
+    assert len(asked) == len(set(asked)) == 8 * 5 + 6
+    assert {table for table, _ in asked} == set(paper.TABLES)
+    assert ("ease", ("hoop", "pontryagin")) not in asked
 
 
 def test_tables_are_answered_in_their_own_processes(monkeypatch):
-    monkeypatch.setattr(paper, "questions", lambda: [("horizontal-3", "shooting")])
+    monkeypatch.setattr(paper, "questions", lambda: [("ease", ("horizontal-3", "shooting")), ("judged", ("diagonal",))])
     done = []
-    rows, eased = paper.tables(lambda: done.append(1))
-    assert rows.empty
-    assert list(eased.columns) == list(EASE_COLUMNS)
-    assert eased["road"].tolist() == ["shooting"]
-    assert len(done) == 1
+    tables = paper.tables(lambda: done.append(1))
+    assert {name: list(table.columns) for name, table in tables.items()} == {
+        "rows": list(COLUMNS),
+        "judged": list(JUDGED_COLUMNS),
+        "ease": list(EASE_COLUMNS),
+    }
+    assert tables["rows"].empty
+    assert tables["judged"]["scenario"].tolist() == ["diagonal"]
+    assert tables["ease"]["road"].tolist() == ["shooting"]
+    assert len(done) == 2
 
 
 @pytest.fixture
-def pretended(row, monkeypatch):
-    """Both tables at hand, so that the command need not compute them, and no figures."""
+def pretended(row, judged, monkeypatch):
+    """All tables at hand, so that the command need not compute them, and one figure of the paper."""
     eased = dict(zip(EASE_COLUMNS, ("horizontal-3", "shooting", 0.8987, 24, 0.3, 0.02, 5, 5, 4), strict=True))
-    monkeypatch.setattr(paper, "tables", lambda **_: (pd.DataFrame([row]), pd.DataFrame([eased])))
+    tables = {"rows": pd.DataFrame([row]), "judged": judged, "ease": pd.DataFrame([eased])}
+    monkeypatch.setattr(paper, "tables", lambda **_: tables)
     monkeypatch.setattr(paper_figures, "FIGURES", {"figure-2": paper_figures.fig2})
 
 
 @pytest.mark.usefixtures("pretended")
-def test_the_command_prints_and_writes_both_tables_and_the_figures(tmp_path):
+def test_the_command_prints_and_writes_all_tables_and_the_figures(tmp_path):
     out = tmp_path / "paper.json"
     result = CliRunner().invoke(cli.app, ["paper", "--json", "--out", str(out)])
     assert result.exit_code == 0
     printed, written = json.loads(result.stdout), json.loads(out.read_text())
-    assert printed == {key: written[key] for key in ("rows", "ease")}
-    assert (tmp_path / "figure-2.html").exists()
-    readable = CliRunner().invoke(cli.app, ["paper", "--out", str(out)]).stdout
+    assert printed == {key: written[key] for key in ("rows", "judged", "ease")}
+    assert [row["impossible"] for row in printed["judged"]] == [True] * 7 + [None]
+    assert {path.name for path in tmp_path.glob("*.html")} == {"figure-2.html", "judged.html"}
+    readable = " ".join(CliRunner().invoke(cli.app, ["paper", "--out", str(out)]).stdout.split())
     assert "Pontryagin" in readable
     assert "found" in readable
+    assert "which printed times are impossible" in readable
+    assert "7 of the paper's 7 times are impossible" in readable
 
 
 @pytest.mark.usefixtures("pretended")
-def test_readme_shows_both_tables(tmp_path):
+def test_readme_shows_all_tables_and_the_judged_figure(tmp_path):
     out = tmp_path / "paper.json"
     assert CliRunner().invoke(cli.app, ["paper", "--out", str(out)]).exit_code == 0
-    text = readme.judged(json.loads(out.read_text()))
+    results = json.loads(out.read_text())
+    text = readme.paper(results)
     assert "| T* (shooting) | Pontryagin | [8] |" in text
+    assert "| diagonal | 1.289 | 1.41099 | 1.41128 | 0.020% | 0.1220 s, 8.65% |" in text
+    assert "published/judged.svg)" in text
     assert "| shooting | 1 | 24 | 0.30 | 0.020 | 5 of 5 | 4 of 5 |" in text
+    assert max(len(line) for line in text.splitlines() if not line.startswith(("|", "!"))) <= 118
+    # Results of an earlier run hold no judgement.
+    del results["judged"]
+    assert "judged" not in readme.paper(results)

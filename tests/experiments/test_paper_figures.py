@@ -66,9 +66,53 @@ def test_the_flat_flight_is_drawn_from_rest_to_rest():
     np.testing.assert_allclose(track.state[[0, -1]], [[0] * 5, [6, 0, 0, 0, 0]], atol=1e-8)
 
 
+@pytest.fixture(scope="module")
+def judged():
+    """A time that is impossible, one that is not, and a case without one."""
+    rows = [
+        ("horizontal-3", 0.8902, 0.8985, 0.8987, True),
+        ("diagonal", 1.289, 1.2, 1.41, False),
+        ("hoop", None, 1.4113, 1.4116, None),
+    ]
+    keys = ("scenario", "printed_s", "lower_bound_s", "flown_s", "impossible")
+    return [
+        {
+            **dict(zip(keys, row, strict=True)),
+            "gap": row[3] / row[2] - 1,
+            "shortfall_s": row[2] - row[1] if row[4] else None,
+            "shortfall": 1 - row[1] / row[2] if row[4] else None,
+        }
+        for row in rows
+    ]
+
+
+def test_judged_times_lie_in_percent_of_the_bound_on_their_side_of_it(judged):
+    figure = paper_figures.judged(judged)
+    (printed,), (flown,) = traces(figure, "printed"), traces(figure, "flown")
+    times = np.array([(row["printed_s"] or np.nan, row["flown_s"]) for row in judged])
+    bounds = np.array([row["lower_bound_s"] for row in judged])
+    np.testing.assert_allclose(bounds * (1 + np.array(printed.x) / 100), times[:, 0])
+    np.testing.assert_allclose(bounds * (1 + np.array(flown.x) / 100), times[:, 1])
+    assert (np.array(flown.x) >= 0).all()
+    (shade,) = figure.layout.shapes  # all that is impossible, and nothing else
+    assert (shade.x0, shade.x1) == (figure.layout.xaxis.range[0], 0)
+    low, high = figure.layout.xaxis.range
+    assert all(low < x < high for x in (*flown.x, *printed.x) if np.isfinite(x))
+
+
+def test_judged_labels_say_each_time_once_and_each_distance(judged):
+    notes = [note.text for note in paper_figures.judged(judged).layout.annotations]
+    for row in judged:
+        assert notes.count(row["scenario"]) == notes.count(f"{row['flown_s']:.5f}") == 1
+    assert {"\N{MINUS SIGN}0.92 %", "+0.02 %", "+7.42 %", "+17.50 %"} <= set(notes)
+    assert not any("nan" in note for note in notes)
+
+
 @pytest.mark.usefixtures("quick")
-def test_all_figures_are_written(tmp_path):
+def test_all_figures_are_written(tmp_path, judged):
     done = []
-    paper_figures.write(tmp_path, lambda: done.append(1))
-    assert {path.name for path in tmp_path.iterdir()} == {f"figure-{i}.html" for i in range(2, 7)} | {"plotly.min.js"}
-    assert len(done) == 5
+    pages = paper_figures.pages(judged)
+    paper_figures.write(pages, tmp_path, lambda: done.append(1))
+    assert {path.name for path in tmp_path.iterdir()} == {f"{name}.html" for name in pages} | {"plotly.min.js"}
+    assert set(pages) == {*(f"figure-{i}" for i in range(2, 7)), "judged"}
+    assert len(done) == 6

@@ -10,7 +10,7 @@ from experiments import batch_benchmark, bound_benchmark, solver_benchmark
 from experiments.benchmarking import convergence_order, random_goal
 from experiments.files import SCHEMA
 from experiments.rockit_peer import rockit_solver
-from experiments.solver_benchmark import SECTIONS, main
+from experiments.solver_benchmark import SECTIONS, joined, main
 from flatgym import SCENARIOS
 
 
@@ -40,6 +40,41 @@ def test_references_are_met(results):
     for row in results["sections"]["references"]["rows"]:
         assert row["status"].startswith("Solved")
         assert abs(row["deviation"]) < 2e-4
+
+
+def test_bounds_are_checked_and_never_above_a_flight(results):
+    sections = {name: section["rows"] for name, section in results["sections"].items()}
+    for row in [*sections["bounds"], *sections["goal_bounds"][:-1]]:
+        assert row["checked"]
+        assert row["lower_bound_s"] < row["flown_s"]
+        assert row["gap"] == pytest.approx(row["flown_s"] / row["lower_bound_s"] - 1)
+    assert [row["limits"] for row in sections["validity"]] == list(bound_benchmark.LIMITS)
+    assert all(row["above_a_flight"] == 0 < row["goals"] for row in sections["validity"])
+
+
+def test_steps_replay_and_are_proven(results):
+    for row in [*results["sections"]["steps"]["rows"], *results["sections"]["goal_steps"]["rows"][:-1]]:
+        assert row["replays_scalar"]
+        assert row["proven"] == (row["k_star"] == row["lower_bound"])
+
+
+def test_only_the_true_flight_passes(results):
+    passed = [row["broken"] for row in results["sections"]["broken"]["rows"] if row["holds"]]
+    assert passed == ["true"]
+
+
+def test_sections_join_a_file_of_the_same_kind_and_any_other_is_set_aside(tmp_path, capsys):
+    path = tmp_path / "solvers.json"
+    old, new = ({"schema": 1, "sections": {name: {"rows": []}}} for name in ("old", "new"))
+    assert joined(path, new) == new
+    path.write_text(json.dumps(old))
+    assert list(joined(path, new)["sections"]) == ["old", "new"]
+    for i, text in enumerate(['{"schema": 0, "sections": {}}', "[1, 2", "[]"]):
+        path.write_text(text)
+        assert joined(path, new) == new
+        assert not path.exists()
+        assert "set aside" in capsys.readouterr().out
+        assert len(list(tmp_path.glob("*set-aside*"))) == i + 1
 
 
 def test_starts_are_counted(results):

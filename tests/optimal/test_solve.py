@@ -8,8 +8,10 @@ import pytest
 
 import optimal
 from experiments.benchmarking import REFERENCE_TIMES
-from flatgym import SCENARIOS, Hoop, Quadrotor
-from optimal import SolveFailed, Status
+from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario
+from optimal import SolveFailed, Status, certify
+from optimal.clearance import tighten
+from optimal.search import search
 
 
 @pytest.mark.parametrize("name", ["horizontal-6", "ground-6"])
@@ -126,3 +128,16 @@ def test_a_body_keeps_clear_of_the_rims_and_pays_for_it(name, radius):
     assert point.time - 1e-6 < solution.time < 1.01 * point.time
     # The point's flight would touch: the rims are what the body pays for.
     assert optimal.certify(point.trajectory, body).max_path_violation > 1e-3
+
+
+def test_a_gap_crossed_at_a_flat_angle_is_narrowed_until_the_certificate_holds():
+    hoop = Hoop(-0.5828057227610782, -0.2105516720391435, 0.7305058241673393, 0.9819820032261656)
+    scenario = Scenario("flat", (0, 0), (0.7556569406926883, 0.9994955106729595), (hoop,), floor=-0.013504324834492043)
+    plain = search(scenario).shots[0]
+    loose = certify(plain.trajectory, scenario)
+    mended, certificate = tighten(scenario, plain, loose)
+    assert -1e-7 < loose.hoop_clearance < -1e-9  # else this scenario no longer shows what it is here for
+    assert not loose.holds()
+    assert certificate.holds()
+    assert mended.trajectory.duration == pytest.approx(plain.trajectory.duration, rel=1e-6)
+    assert optimal.solve(scenario, max_gap=None).status is Status.SOLVED

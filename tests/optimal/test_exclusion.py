@@ -1,0 +1,122 @@
+"""Times below the fastest flight's are excluded, branch by branch, none above; whatever happens, no flight is lost."""
+
+import math
+import time
+from functools import cache
+
+import numpy as np
+import pytest
+
+from flatgym import SCENARIOS, Tolerance
+from optimal.bounds import passing_windows
+from optimal.branches import Branch, covered
+from optimal.duals import Dual
+from optimal.exclusion import Exclusion, Shown, windings
+from optimal.multipliers import kink_shares, multipliers
+from optimal.search import search
+from optimal.tilt_program import TiltProgram, TimeGrid, time_grid
+
+NAMES = ("horizontal-6", "ground-6", "climb", "hoop", "high-hoop")
+
+
+@cache
+def fastest(name):
+    return search(SCENARIOS[name], starts=2).shots[0]
+
+
+def exclusion(name: str, seconds: float = 30.0, tolerance: Tolerance | None = None) -> Exclusion:
+    """Return the exclusion of all flights of a scenario that are not slower than the fastest known."""
+    scenario, shot = SCENARIOS[name], fastest(name)
+    kinks = kink_shares(scenario, shot)
+    start, longest = multipliers(scenario, shot, kinks), 1.05 * shot.trajectory.duration
+    windows = tuple(passing_windows(scenario, longest, tolerance))
+    roots = [Shown(Branch(winding, windows), start) for winding in windings(scenario, tolerance, longest)]
+    return Exclusion(scenario, tolerance, kinks, roots, time.monotonic() + seconds)
+
+
+def near(name: str, share: float) -> TimeGrid:
+    return time_grid(share * fastest(name).trajectory.duration, SCENARIOS[name].quadrotor.rate_max, turn=200)
+
+
+def nothing_lost(proof: Exclusion, name: str) -> bool:
+    windows = passing_windows(SCENARIOS[name], 1.05 * fastest(name).trajectory.duration, proof.tolerance)
+    found = {shown.branch.winding for shown in proof.shown}
+    assert found == {*windings(proof.scenario, proof.tolerance, 1.05 * fastest(name).trajectory.duration)}
+    return all(
+        covered([shown.branch for shown in proof.shown if shown.branch.winding == winding], windows)
+        for winding in found
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_time_too_short_is_excluded_by_branches_each_impossible_that_leave_nothing_out(name):
+    proof, grid = exclusion(name), near(name, 0.99)
+    assert proof.exclude(grid)
+    assert nothing_lost(proof, name)
+    for branch, y in proof.shown:
+        dual = Dual(proof.scenario, grid, branch, None, proof.kinks)
+        assert (y[dual.signed] >= 0).all()
+        assert not dual.possible or all(cut.value + cut.rounding < 0 for cut in dual(y))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_time_of_a_flight_is_never_excluded_and_trying_loses_nothing(name):
+    proof = exclusion(name, seconds=0.3)
+    assert not proof.exclude(near(name, 1.0))
+    assert nothing_lost(proof, name)
+    assert proof.evaluations > 0
+
+
+def test_within_a_tolerance_less_is_excluded():
+    assert exclusion("horizontal-6", tolerance=Tolerance()).exclude(near("horizontal-6", 0.96))
+    assert not exclusion("horizontal-6", 0.3, Tolerance()).exclude(near("horizontal-6", 0.98))
+    assert exclusion("horizontal-6", tolerance=Tolerance(1e-6, 1e-6, 1e-6)).exclude(near("horizontal-6", 0.98))
+
+
+def test_when_the_deadline_has_passed_nothing_was_tried():
+    proof = exclusion("high-hoop", seconds=-1.0)
+    before = list(proof.shown)
+    assert not proof.exclude(near("high-hoop", 0.9))
+    assert proof.evaluations == 0
+    assert sorted(shown.branch.winding for shown in proof.shown) == sorted(shown.branch.winding for shown in before)
+
+
+def test_what_was_shown_serves_the_next_time():
+    proof, grid = exclusion("high-hoop"), near("high-hoop", 0.98)
+    assert proof.exclude(grid)
+    first, branches = proof.evaluations, len(proof.shown)
+    assert proof.exclude(grid)
+    # Once for each branch that any flight could belong to.
+    assert proof.evaluations - first <= branches < first
+    assert len(proof.shown) == branches
+    assert proof.exclude(near("high-hoop", 0.95))
+
+
+def test_mirrored_flights_are_told_apart_by_their_tilt():
+    # Without a turn the fastest flights up come in mirrored pairs, whose average no weight excludes.
+    proof = exclusion("climb")
+    assert proof.exclude(near("climb", 0.995))
+    held = [shown.branch.held for shown in proof.shown if shown.branch.winding == 0]
+    assert len(held) > 1
+    assert all(held)
+
+
+def test_passing_times_are_told_apart():
+    proof = exclusion("high-hoop")
+    assert proof.exclude(near("high-hoop", 0.995))
+    assert len({shown.branch.passing for shown in proof.shown}) > 1
+
+
+def test_all_turns_that_there_is_time_for_are_looked_at(generator):
+    scenario = SCENARIOS["horizontal-6"]
+    for duration in generator.uniform(0.1, 4.0, 30):
+        for tolerance in (None, Tolerance(angle=1.0)):
+            slack = tolerance.angle if tolerance else 0.0
+            looked_at = windings(scenario, tolerance, duration)
+            for winding in range(-9, 10):
+                if 2 * math.pi * abs(winding) <= 10.0 * duration + slack:
+                    assert winding in looked_at
+                grid = time_grid(duration, 10.0, turn=60)
+                if winding not in looked_at:
+                    assert not TiltProgram(scenario.quadrotor, grid, winding, slack).possible
+    assert np.ptp(windings(scenario, None, 1.0)) <= 4
