@@ -155,13 +155,12 @@ def paper(
         "shooting_s": "T*",
         "pontryagin_s": "Pontryagin",
         "reference_8_s": "[8]",
-        "lower_bound_s": "bound",
     }
     show(tables["rows"], as_json, "The paper's flights: printed, rebuilt, flown [s]", titles)
     screen.print(
         "nodes only: the published transcription, limits at grid nodes only; its excess is the largest violation "
         "between nodes, relative to the limit. flat, T*: the paper's method and shooting, within all limits at all "
-        "times. Pontryagin: the method of [8], for flights in free space. bound: proven, no flight is faster.\n",
+        "times. Pontryagin: the method of [8], for flights in free space.\n",
         markup=False,
     )
     titles = {

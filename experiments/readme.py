@@ -96,7 +96,7 @@ def compared(rows: list[dict[str, Any]]) -> str:
         "scenario": ("case", str),
         "printed_s": ("printed", number("g")),
         "nodes_only_s": ("nodes only", number(".4f")),
-        "nodes_only_violation": ("its excess", lambda value: "-" if value is None else f"{value:.0f}x"),
+        "nodes_only_violation": ("its excess", lambda value: "unbounded" if value is None else f"{value:.0f}x"),
         "flat_certified_s": ("flat, certified", number(".4f")),
         "shooting_s": ("T* (shooting)", number(".5f")),
         "pontryagin_s": ("Pontryagin", number(".5f")),
