@@ -96,7 +96,7 @@ class Proof:
             branches = [shown.branch for shown in self.shown if shown.branch.winding == winding]
             if not covered(branches, windows):
                 return False
-        return self.time <= self.grid.time and all(self._excluded(*shown) for shown in self.shown)
+        return self.time <= self.grid.time <= self.flown and all(self._excluded(*shown) for shown in self.shown)
 
     def _excluded(self, branch: Branch, multipliers: Array) -> bool:
         assert self.grid is not None
@@ -217,7 +217,8 @@ def _climb(
     exclusion = Exclusion(target, tolerance, kinks, roots, begun + budget)
     proof = Proof(target, tolerance, projection_bound(target, tolerance), flown, Verdict.CLOSED)
     for grid in grids:
-        if not exclusion.exclude(grid):
+        # The windows in which hoops are passed hold for flights that take no longer than `flown`.
+        if grid.time > flown or not exclusion.exclude(grid):
             proof = replace(proof, verdict=Verdict.BUDGET_SPENT)
             break
         if grid.time > proof.time:
