@@ -76,8 +76,8 @@ def covered(branches: Iterable[Branch], windows: Sequence[Interval]) -> bool:
         branches: all of one winding.
         windows: for each hoop, the interval in which it can be passed at all, as shares of T.
     """
-    boxes = [_box(branch) for branch in branches]
-    return _covered(boxes, {("passing", i): window for i, window in enumerate(windows)})
+    whole: Box = {("passing", i): window for i, window in enumerate(windows)}
+    return _covered([box for box in map(_box, branches) if _meets(box, whole)], whole)
 
 
 def _box(branch: Branch) -> Box:

@@ -36,7 +36,7 @@ from optimal.branches import Branch
 from optimal.tilt_program import TINY, UNIT, TiltProgram, TimeGrid
 
 ROUNDINGS = 256
-"""Units in the last place of the sum of all magnitudes in R that its few products and sums may lose."""
+"""Units in the last place of all magnitudes in R, and in the weight, that their few products and sums may lose."""
 
 
 class Cut(NamedTuple):
@@ -87,7 +87,9 @@ class Dual:
         self.signed = np.arange(self.vectors, self.size)
         self._linear, self._norms = self._remainder(scenario, tolerance, np.repeat([h for _, h in heights], len(at)))
         self._speed = tolerance.speed if tolerance else 0.0
-        self._size = np.abs(self._linear)
+        # A weight is a sum of multipliers times shares of at most 1, which may cancel.
+        vehicle = scenario.quadrotor
+        self._size = np.abs(self._linear) + grid.time * (vehicle.thrust_max + vehicle.gravity)
         for factor, matrix in self._norms:
             self._size = self._size + factor * np.abs(matrix).sum(axis=0)
 
@@ -132,7 +134,7 @@ class Dual:
         slope, value = self._linear.copy(), most.value + most.interpolation + float(self._linear @ y)
         for factor, matrix in self._norms:
             vector = matrix @ y
-            length = float(np.sqrt(vector @ vector))
+            length = float(np.hypot.reduce(vector))  # which does not underflow
             value += factor * length
             slope += factor / max(length, TINY) * (vector @ matrix)
         end = np.array(weight[-1])

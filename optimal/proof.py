@@ -17,11 +17,12 @@ from enum import StrEnum
 from flatgym.catalogue import ScenarioLike, scenario
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario, Tolerance
+from flatgym.task import CONTACT_SLACK
 from optimal.bounds import passing_windows, projection_bound
 from optimal.branches import Branch, covered
 from optimal.duals import Dual
 from optimal.exclusion import Exclusion, Shown, windings
-from optimal.feasibility import impossible, too_far
+from optimal.feasibility import impossible, suspect, too_far
 from optimal.multipliers import kink_shares, multipliers
 from optimal.search import search
 from optimal.shooting import Shot, shoot
@@ -29,6 +30,8 @@ from optimal.tilt_program import TimeGrid, angles_for, time_grid
 
 MAX_GAP, TIME_BUDGET = 1e-3, 60.0
 """How close to the fastest flight known a bound is to come, relatively, and the time granted for it [s]."""
+LOOSEST = 10.0
+"""A gap from which no proof begins, where the simple bound is no help."""
 ROOM = 1e-9
 """By how much a task is widened to be sure that an environment's rounding is inside [m, m/s, rad]."""
 
@@ -90,7 +93,10 @@ class Proof:
         Without branches the bound is that of thrust alone, and computed again.
         """
         if self.grid is None:
-            return self.verdict is Verdict.IMPOSSIBLE or self.time <= projection_bound(self.scenario, self.tolerance)
+            least = math.inf if impossible(self.scenario) else projection_bound(self.scenario, self.tolerance)
+            return self.time <= least
+        if self.grid.rate_max != self.scenario.quadrotor.rate_max:
+            return False
         windows = passing_windows(self.scenario, self.flown, self.tolerance)
         for winding in windings(self.scenario, self.tolerance, self.grid.time):
             branches = [shown.branch for shown in self.shown if shown.branch.winding == winding]
@@ -131,7 +137,8 @@ def prove(
     far = too_far(target)
     shots = () if far else search(target).shots
     if not shots:
-        return Proof(target, tolerance, projection_bound(target, tolerance), math.inf, Verdict.NO_FLIGHT, far)
+        simple, reason = projection_bound(target, tolerance), far or suspect(target)
+        return Proof(target, tolerance, simple, math.inf, Verdict.NO_FLIGHT, reason)
     return prove_near(target, shots[0], tolerance=tolerance, max_gap=max_gap, time_budget=time_budget)
 
 
@@ -159,7 +166,7 @@ def prove_near(
     flown = shot.trajectory.duration
     simple = projection_bound(target, tolerance)
     gaps = [max_gap]
-    while flown / (1 + 2 * gaps[0]) > simple:
+    while gaps[0] < LOOSEST and flown / (1 + 2 * gaps[0]) > simple:
         gaps.insert(0, 2 * gaps[0])
     grids = [time_grid(flown / (1 + gap), target.quadrotor.rate_max, turn=angles_for(gap)) for gap in gaps]
     return _climb(target, shot, flown, tolerance, grids, time_budget)
@@ -190,17 +197,19 @@ def prove_steps(target: Scenario, shot: Shot, steps: int, time_budget: float = T
 
 def least_steps(proof: Proof) -> int:
     """Return the fewest environment steps that a proof leaves possible."""
-    return math.floor(proof.time / proof.scenario.dt) + 1
+    # The quotient may have been rounded across a whole number, the product is compared as the environment's time is.
+    shown = round(proof.time / proof.scenario.dt)
+    return shown + 1 if shown * proof.scenario.dt <= proof.time else shown
 
 
 def widened(target: Scenario) -> Scenario:
-    """Return a scenario with gaps, heights and tolerance wider by ROOM."""
-    near = target.tolerance
+    """Return a scenario with gaps, heights and tolerance wider by ROOM, heights also by what the environment allows."""
+    near, depth = target.tolerance, CONTACT_SLACK + ROOM
     return replace(
         target,
         hoops=tuple(replace(hoop, diameter=hoop.diameter + 2 * ROOM) for hoop in target.hoops),
-        floor=None if target.floor is None else target.floor - ROOM,
-        ceiling=None if target.ceiling is None else target.ceiling + ROOM,
+        floor=None if target.floor is None else target.floor - depth,
+        ceiling=None if target.ceiling is None else target.ceiling + depth,
         tolerance=Tolerance(near.position + ROOM, near.speed + ROOM, near.angle + ROOM),
     )
 

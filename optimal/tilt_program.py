@@ -59,6 +59,10 @@ FINE, TURN_RANGE = 400, 0.2
 close to any time."""
 
 
+LEAST_STEPS = 100
+"""Fewest instants of a grid, for vehicles that turn little in the time they have."""
+
+
 @dataclass(frozen=True)
 class TimeGrid:
     """Instants t_k = k dt over which the vehicle can turn by just one of `turn` equal angles.
@@ -98,6 +102,7 @@ def time_grid(time: float, rate_max: float, *, turn: int = FINE) -> TimeGrid:
         turn: least angles of one turn.
     """
     grids = []
+    turn = max(turn, math.ceil(LEAST_STEPS * 2 * math.pi / (time * rate_max)))
     for angles in range(turn, round(turn * (1 + TURN_RANGE)) + 1):
         steps = max(2, math.ceil(time * rate_max * angles / (2 * math.pi)))
         grids += [TimeGrid(steps, angles, rate_max), TimeGrid(steps + 1, angles, rate_max)]

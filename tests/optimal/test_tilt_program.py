@@ -12,7 +12,7 @@ from scipy.optimize import brentq, minimize
 
 from flatgym import Quadrotor
 from optimal.branches import Held
-from optimal.tilt_program import UNIT, Most, TiltProgram, TimeGrid, angles_for, time_grid
+from optimal.tilt_program import LEAST_STEPS, UNIT, Most, TiltProgram, TimeGrid, angles_for, time_grid
 
 VEHICLES = (Quadrotor(), Quadrotor(thrust_min=0.5, thrust_max=30, rate_max=5), Quadrotor(3, 14, 20))
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -389,7 +389,9 @@ def test_a_grid_lasts_at_least_as_long_as_asked_for_and_little_longer(generator)
         for turn in (50, 100, 400):
             grid = time_grid(time, 10.0, turn=turn)
             assert time <= grid.time < time + grid.dt
-            assert turn <= grid.turn <= round(1.2 * turn)
+            least = max(turn, math.ceil(LEAST_STEPS * 2 * math.pi / (10.0 * time)))  # a hundred instants, however short
+            assert least <= grid.turn <= round(1.2 * least)
+            assert grid.steps >= LEAST_STEPS
             assert grid.dt * grid.rate_max == pytest.approx(grid.angle, rel=1e-15)
             # Even a time that a grid has itself is not undercut by rounding.
             assert time_grid(grid.time, 10.0, turn=turn).time == grid.time
