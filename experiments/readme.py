@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import floor
 from pathlib import Path
 from textwrap import fill
@@ -147,6 +147,10 @@ def eased(rows: list[dict[str, Any]]) -> str:
     return fill(words, 118) + "\n\n" + markdown(head, table)
 
 
+OPTIMA = ("bounds", "steps", "goal_bounds", "goal_steps", "validity")
+"""Sections that the table of the optima is made of."""
+
+
 def optima(results: dict[str, Any]) -> str:
     """Return what is known of each named scenario's optimum: flown, proven, in time and in steps; then the batches."""
     rows = {name: section["rows"] for name, section in results["sections"].items()}
@@ -155,31 +159,33 @@ def optima(results: dict[str, Any]) -> str:
     for row in rows["bounds"]:
         k = known[row["scenario"]]
         fewest = f"{k['k_star']}" if k["proven"] else f"{k['k_star']}, at least {k['lower_bound']}"
+        bound = f"{floor(row['lower_bound_s'] * 1e5) / 1e5:.5f}"  # rounded upwards it would be none
         proof = "-" if row["to_0.1%_s"] is None else f"{row['to_0.1%_s']:.2f}"
-        cells = [
-            row["scenario"],
-            f"{row['flown_s']:.5f}",
-            f"{floor(row['lower_bound_s'] * 1e5) / 1e5:.5f}",
-            f"{row['gap']:.3%}",
-            proof,
-        ]
-        table.append([*cells, fewest, "yes" if k["proven"] else "no"])
+        cells = [row["scenario"], f"{row['flown_s']:.5f}", bound, f"{row['gap']:.3%}", proof, fewest]
+        table.append([*cells, "yes" if k["proven"] else "no"])
     goals, held = rows["goal_bounds"][-1], rows["validity"]
     words = (
         f"On {goals['goals']} random goals, asked for 0.1%, the gap is {goals['gap_median']:.3%} at the median and "
         f"{goals['gap_worst']:.3%} at worst, in {goals['wall_time_median_s']:.2f} s; of {every['goals']} others' K* "
         f"{every['proven']} are proven, and the rest open by {every['gap_steps_worst']} step at most. Of the bounds of "
-        f"{sum(row['goals'] for row in held)} random tasks of three vehicles, {sum(row['above_a_flight'] for row in held)} "
-        "lie above the time of a certified flight."
+        f"{sum(row['goals'] for row in held)} random tasks of three vehicles, "
+        f"{sum(row['above_a_flight'] for row in held)} lie above the time of a certified flight."
     )
     head = ["scenario", "T* flown [s]", "no flight is faster than [s]", "gap", "0.1% takes [s]", "K*", "K* proven"]
-    return markdown(head, table) + "\n\n" + fill(words, 118) + "\n\n" + told(results, "bounds")
+    return markdown(head, table) + "\n\n" + fill(words, 118) + "\n\n" + told(results, OPTIMA)
 
 
-def told(results: dict[str, Any], section: str) -> str:
-    """Return how a section of the solvers' benchmark came about."""
-    run = results["sections"][section]
-    return f"`python -m experiments.solver_benchmark` on {results['machine']['cores']} cores, {run['date'][:10]}."
+def told(results: dict[str, Any], sections: Iterable[str]) -> str:
+    """Return how sections of the solvers' benchmark came about."""
+    dates = sorted({results["sections"][name]["date"][:10] for name in sections})
+    return f"`python -m experiments.solver_benchmark` on {results['machine']['cores']} cores, {' and '.join(dates)}."
+
+
+ROADS = (
+    "references", "starts", "speed", "flat", "corridors", "pontryagin", "systems", "orders", "flat_orders", "batch",
+    "warm",
+)  # fmt: skip
+"""Sections that the table of the roads is made of."""
 
 
 def roads(results: dict[str, Any]) -> str:
@@ -237,7 +243,7 @@ def roads(results: dict[str, Any]) -> str:
         ],
         ["`import optimal` [s]", f"{clock['import optimal']:.2f}"],
     ]
-    return markdown(["question", "answer"], table) + "\n\n" + told(results, "references")
+    return markdown(["question", "answer"], table) + "\n\n" + told(results, ROADS)
 
 
 def filled(text: str) -> str:
