@@ -26,7 +26,7 @@ from optimal.feasibility import impossible, suspect, too_far
 from optimal.multipliers import kink_shares, multipliers
 from optimal.search import search
 from optimal.shooting import Shot, shoot
-from optimal.tilt_program import TimeGrid, angles_for, time_grid
+from optimal.tilt_program import TimeGrid, angles_for, ready, time_grid
 
 MAX_GAP, TIME_BUDGET = 1e-3, 60.0
 """How close to the fastest flight known a bound is to come, relatively, and the time granted for it [s]."""
@@ -218,6 +218,7 @@ def _climb(
     target: Scenario, shot: Shot, flown: float, tolerance: Tolerance | None, grids: Iterable[TimeGrid], budget: float
 ) -> Proof:
     """Exclude the times of grids, the shortest first, until one cannot be excluded within the budget."""
+    ready()
     begun = time.monotonic()
     kinks = kink_shares(target, shot)
     start = multipliers(target, shot, kinks)

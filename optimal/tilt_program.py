@@ -188,6 +188,12 @@ class TiltProgram:
         )
 
 
+@lru_cache(maxsize=1)
+def ready() -> None:
+    """Have the kernel compiled, or loaded from disk, before any clock runs; it takes seconds on a new machine."""
+    TiltProgram(Quadrotor(), TimeGrid(LEAST_STEPS, LEAST_STEPS, 10.0), 0)(np.zeros((LEAST_STEPS + 1, 2)), 0.0, 0.0)
+
+
 def _reach(grid: TimeGrid, winding: int, slack: float, held: Sequence[Held]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the least and greatest multiples of d that sample k may take, shape (N,) each; crossed where none."""
     k, count, target = np.arange(grid.steps), grid.steps, winding * grid.turn
