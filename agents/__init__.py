@@ -7,16 +7,16 @@ require("agents", "stable_baselines3", "torch", "minari", "pandas")
 from agents import demonstrations
 from agents.configs import PPOConfig
 from agents.evaluate import FasterThanOptimal, evaluate, fly
-from agents.starts import BackwardStarts
+from agents.starts import backward_starts
 from agents.train import Training, train
 from agents.vec_env import FlatQuadVecEnv, make_vec_env
 
 __all__ = [
-    "BackwardStarts",
     "FasterThanOptimal",
     "FlatQuadVecEnv",
     "PPOConfig",
     "Training",
+    "backward_starts",
     "demonstrations",
     "evaluate",
     "fly",

@@ -9,12 +9,10 @@ needs neither demonstrations nor a planner.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
+from flatgym.course import Starts
 from flatgym.quadrotor import Array
 from flatgym.scenario import Hoop, Scenario
 from flatgym.scene import Integers
@@ -25,44 +23,36 @@ HOLD_TIME = 0.15
 """Mean time a control is held on the way back [s]."""
 
 
-@dataclass
-class BackwardStarts:
-    """Draws start states for a batched environment from a fixed pool.
+def backward_starts(
+    scenario: Scenario,
+    *,
+    share: float = 0.8,
+    near: float = 0.125,
+    back_time: float = 1.0,
+    seed: int = 0,
+    size: int = 40_000,
+) -> Starts:
+    """Return a pool of start states for an environment.
 
-    Attributes:
+    Args:
         scenario: the task.
-        share: share of flights that begin at a state of the pool, not at the scenario's own start; may
-            be changed while training goes on.
+        share: share of flights that begin at a state of the pool, not at the scenario's own start.
         near: share of the pool drawn around the goal; the rest is flown backwards from it.
         back_time: longest time flown backwards [s].
         seed: of the pool.
         size: number of states in the pool.
+
+    A draw out of bounds is replaced by the scenario's own start.
     """
-
-    scenario: Scenario
-    share: float = 0.8
-    near: float = 0.125
-    back_time: float = 1.0
-    seed: int = 0
-    size: int = 40_000
-
-    def __call__(self, generator: np.random.Generator, count: int) -> tuple[Array, Integers]:
-        """Return start states (count, 5) and hoops already passed (count,)."""
-        rows, drawn = generator.integers(0, self.size, count), generator.random(count) < self.share
-        state, passed = self.pool
-        return np.where(drawn[:, None], state[rows], self.scenario.start_state), np.where(drawn, passed[rows], 0)
-
-    @cached_property
-    def pool(self) -> tuple[Array, Integers]:
-        """All states (size, 5) and hoops passed (size,) that may be drawn; the start where a draw was out of bounds."""
-        generator, scenario = np.random.default_rng(self.seed), self.scenario
-        near = round(self.size * self.near)
-        around = scenario.goal_state + generator.normal(size=(near, 5)) * SPREAD * generator.random((near, 1))
-        flown, still_to_pass = fly_back(generator, scenario, self.back_time * generator.random(self.size - near))
-        state = np.concatenate([around, flown])
-        passed = np.concatenate([np.full(near, len(scenario.hoops)), still_to_pass])
-        outside = _outside(scenario, state)
-        return np.where(outside[:, None], scenario.start_state, state), np.where(outside, 0, passed)
+    generator, count = np.random.default_rng(seed), round(size * near)
+    around = scenario.goal_state + generator.normal(size=(count, 5)) * SPREAD * generator.random((count, 1))
+    flown, still_to_pass = fly_back(generator, scenario, back_time * generator.random(size - count))
+    state = np.concatenate([around, flown])
+    passed = np.concatenate([np.full(count, len(scenario.hoops)), still_to_pass])
+    outside = _outside(scenario, state)
+    return Starts(
+        np.where(outside[:, None], scenario.start_state, state), np.where(outside, 0, passed).astype(np.int64), share
+    )
 
 
 def fly_back(generator: np.random.Generator, scenario: Scenario, time: Array) -> tuple[Array, Integers]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
 from agents.configs import TIGHT, PPOConfig
 from agents.evaluate import fly
-from agents.starts import BackwardStarts
+from agents.starts import backward_starts
 from agents.vec_env import make_vec_env
 from flatgym.catalogue import scenario
 from flatgym.scenario import Tolerance
@@ -92,9 +92,9 @@ class Schedules(BaseCallback):
 
     model: PPO
 
-    def __init__(self, config: PPOConfig, starts: BackwardStarts, target: float) -> None:
+    def __init__(self, config: PPOConfig, target: float) -> None:
         super().__init__()
-        self.config, self.starts, self.target, self.scenario = config, starts, target, starts.scenario
+        self.config, self.target, self.scenario = config, target, scenario(config.scenario)
         self.began, self.rollouts, self.rate = math.inf, 0, config.learning_rate
         self.curve: list[dict[str, Any]] = []
         self.best = np.inf
@@ -129,11 +129,12 @@ class Schedules(BaseCallback):
     def _tighten(self, done: float) -> None:
         factor, true = 1 + (self.config.tolerance - 1) * max(0.0, 1 - done / TIGHT), self.scenario.tolerance
         eased = Tolerance(true.position * factor, true.speed * factor, true.angle * factor)
-        self.training_env.env_method("set_scenario", replace(self.scenario, tolerance=eased))
+        self.training_env.env_method("set_tolerance", eased)
 
     def _come_home(self, done: float) -> None:
         first, last = self.config.drawn, self.config.drawn_end
-        self.starts.share = first + (last - first) * max(0.0, (done - TIGHT) / (1 - TIGHT))
+        share = first + (last - first) * max(0.0, (done - TIGHT) / (1 - TIGHT))
+        self.training_env.env_method("set_share", share)
 
     def _discount(self, done: float) -> None:
         first, last = self.config.discount, self.config.discount_end
@@ -175,9 +176,16 @@ def read_curve(config: PPOConfig) -> list[dict[str, Any]]:
     return [json.loads(line) for line in lines if line.endswith("\n")]
 
 
-def build(config: PPOConfig, starts: BackwardStarts) -> PPO:
-    """Return an untrained PPO that flies from `starts`."""
-    envs = make_vec_env(starts.scenario, config.num_envs, starts=starts, seed=config.seed)
+def build(config: PPOConfig) -> PPO:
+    """Return an untrained PPO whose flights begin at states flown backwards from the goal."""
+    starts = backward_starts(
+        scenario(config.scenario),
+        share=config.drawn,
+        near=config.near,
+        back_time=config.back_time,
+        seed=config.seed,
+    )
+    envs = make_vec_env(config.scenario, config.num_envs, starts=starts, seed=config.seed)
     return PPO(
         "MlpPolicy",
         GentleFailure(envs, config.failure),
@@ -215,9 +223,8 @@ def train(config: PPOConfig, optimum: FewestSteps | None = None) -> Training:
     curve_file(config).write_text("", encoding="utf-8")
     (folder / "config.json").write_text(json.dumps(asdict(config), indent=1) + "\n", encoding="utf-8")
     torch.set_num_threads(1)  # small networks: a second thread costs more than it gives
-    starts = BackwardStarts(scenario(config.scenario), config.drawn, config.near, config.back_time, config.seed)
-    schedules = Schedules(config, starts, target=-np.inf if optimum is None else optimum.steps)
-    model = build(config, starts).learn(config.env_steps, callback=schedules)
+    schedules = Schedules(config, target=-np.inf if optimum is None else optimum.steps)
+    model = build(config).learn(config.env_steps, callback=schedules)
     temporary, file = folder / "model.part.zip", folder / "model.zip"
     model.save(temporary)
     temporary.replace(file)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
-from flatgym.catalogue import DEFAULT_SCENARIO, ScenarioLike
-from flatgym.vector import FlatQuadVectorEnv, Starts
+from flatgym.catalogue import DEFAULT_SCENARIO, ProblemLike
+from flatgym.vector import FlatQuadVectorEnv
 
 
 class FlatQuadVecEnv(VecEnv):
@@ -96,25 +96,17 @@ class FlatQuadVecEnv(VecEnv):
 
 
 def make_vec_env(
-    scenario: ScenarioLike = DEFAULT_SCENARIO,
-    num_envs: int = 256,
-    *,
-    reward: str = "shaped",
-    starts: Starts | None = None,
-    seed: int | None = None,
+    scenario: ProblemLike = DEFAULT_SCENARIO, num_envs: int = 256, *, seed: int | None = None, **arguments: Any
 ) -> FlatQuadVecEnv:
     """Return `num_envs` vehicles of a scenario as one SB3 VecEnv.
 
     Args:
-        scenario: a name or a Scenario.
+        scenario: a name, a Scenario or a Distribution.
         num_envs: number of vehicles.
-        reward: "shaped" or "sparse".
-        starts: draws start states for training; by default every flight starts at the start.
         seed: seed of the first reset.
+        arguments: further arguments of FlatQuadVectorEnv, such as reward, observation, wind, starts.
     """
-    envs = FlatQuadVectorEnv(
-        num_envs, scenario=scenario, reward=reward, starts=starts, autoreset_mode=AutoresetMode.SAME_STEP
-    )
+    envs = FlatQuadVectorEnv(num_envs, scenario, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
     adapter = FlatQuadVecEnv(envs)
     if seed is not None:
         adapter.seed(seed)

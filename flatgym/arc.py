@@ -4,10 +4,11 @@ Under a constant control the position over a step is known in closed form, so an
 of a smooth scalar function on the arc itself, not on the chord between samples. For the distance
 to a line with normal n the pieces on which it is monotone are known too: its second derivative
 
-    n . p'' = f cos(theta - beta) - g n_z,   beta the tilt at which thrust points along n,
+    n . p'' = f cos(theta - beta) + n . c,   beta the tilt at which thrust points along n,
 
-vanishes at theta = beta +- arccos(g n_z / f), in closed form; between these tilts the velocity
-along n is monotone and has at most one root, and between those roots so has the distance.
+with c the pull of gravity and wind, vanishes at theta = beta +- arccos(-n . c / f), in closed form;
+between these tilts the velocity along n is monotone and has at most one root, and between those
+roots so has the distance.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flatgym.quadrotor import Array, Quadrotor
 
@@ -60,15 +61,21 @@ def rising_root(function: Function, low: Array, high: Array) -> Array:
 
 
 class Arc:
-    """The flights of n vehicles over one step: states (n, 5), controls (n, 2), durations dt (n,) [s]."""
+    """The flights of n vehicles over one step: states (n, 5), controls (n, 2), durations dt (n,) [s].
 
-    def __init__(self, quadrotor: Quadrotor, state: Array, control: Array, dt: Array | float) -> None:
+    `wind` is a constant acceleration [m/s^2], shape (n, 2) or (2,), beside gravity.
+    """
+
+    def __init__(
+        self, quadrotor: Quadrotor, state: Array, control: Array, dt: Array | float, wind: ArrayLike = 0.0
+    ) -> None:
         self.quadrotor, self.state, self.control = quadrotor, state, control
         self.dt = np.broadcast_to(np.asarray(dt, dtype=np.float64), (len(state),))
+        self.wind = np.broadcast_to(np.asarray(wind, dtype=np.float64), (len(state), 2))
 
     def __getitem__(self, rows: NDArray[Any]) -> Arc:
         """Return the arcs of the vehicles picked by a mask or by their numbers."""
-        return Arc(self.quadrotor, self.state[rows], self.control[rows], self.dt[rows])
+        return Arc(self.quadrotor, self.state[rows], self.control[rows], self.dt[rows], self.wind[rows])
 
     def __len__(self) -> int:
         return len(self.state)
@@ -77,15 +84,31 @@ class Arc:
     def reach(self) -> Array:
         """A distance that no vehicle can travel within the step [m], shape (n,); most events are ruled out by it."""
         speed = np.hypot(self.state[:, 2], self.state[:, 3])
-        return speed * self.dt + (self.control[:, 0] + self.quadrotor.gravity) * self.dt**2
+        return speed * self.dt + self.most_acceleration * self.dt**2
+
+    @property
+    def pull(self) -> Array:
+        """The constant acceleration by gravity and wind [m/s^2], shape (n, 2)."""
+        return self.wind - np.array([0.0, self.quadrotor.gravity])
+
+    @property
+    def most_acceleration(self) -> Array:
+        """A bound of |p''| [m/s^2], shape (n,)."""
+        return self.control[:, 0] + np.hypot(self.pull[:, 0], self.pull[:, 1])
 
     def at(self, time: Array | float) -> Array:
         """Return the states `time` seconds into the step, shape (n, 5)."""
-        return self.quadrotor.step(self.state, self.control, time)
+        state = self.quadrotor.step(self.state, self.control, time)
+        blown = np.broadcast_to(time, (len(self),))[:, None] * self.wind
+        state[:, 0:2] += blown * np.reshape(time, (-1, 1)) / 2
+        state[:, 2:4] += blown
+        return state
 
     def derivative(self, state: Array) -> Array:
         """Return d(state)/dt at a state of these arcs, shape (n, 5)."""
-        return self.quadrotor.derivative(state, self.control)
+        derivative = self.quadrotor.derivative(state, self.control)
+        derivative[:, 2:4] += self.wind
+        return derivative
 
     def inflections(self, direction: Array) -> Array:
         """Return when p'' . direction vanishes within the step, else its end [s], shape (n, 2).
@@ -94,7 +117,7 @@ class Arc:
         (`Scenario` sees to that).
         """
         (thrust, rate), theta = self.control.T, self.state[:, 4]
-        ratio = self.quadrotor.gravity * direction[:, 1] / np.maximum(thrust, 1e-300)
+        ratio = -np.sum(self.pull * direction, axis=-1) / np.maximum(thrust, 1e-300)
         beta = np.arctan2(direction[:, 0], direction[:, 1])
         spread = np.where(np.abs(ratio) <= 1, np.arccos(np.clip(ratio, -1, 1)), np.nan)
         tilt = beta[:, None] + spread[:, None] * np.array([-1.0, 1.0])
@@ -166,7 +189,7 @@ class Arc:
     def distance(self, point: Array) -> Array:
         """Return a proven lower bound of the distance to points (n, 2) over the step [m], less than 1e-9 too small.
 
-        With r = |p - point|^2 / 2, |p''| <= f + g and |p'''| <= f |omega|, r''' is bounded on any part of the
+        With r = |p - point|^2 / 2, |p''| <= f + |c| and |p'''| <= f |omega|, r''' is bounded on any part of the
         step. So parts on which r is shown to be monotone or convex have their least value at an end or at
         the one root of r'. Parts shown to be too far away by the sagitta of |p''| do not matter; the rest is halved.
 
@@ -178,7 +201,7 @@ class Arc:
         while row.size:
             arc, p = self[row], point[row]
             before, after = arc._approach_bounds(p, low, high)
-            sagitta = (arc.control[:, 0] + arc.quadrotor.gravity) * (high - low) ** 2 / 8
+            sagitta = arc.most_acceleration * (high - low) ** 2 / 8
             floor = _chord_distance(before[0], after[0]) - sagitta
             rising = (np.minimum(before[1], after[1]) >= after[3]) | (np.maximum(before[1], after[1]) <= -after[3])
             convex = np.minimum(before[2], after[2]) >= before[3]
@@ -204,7 +227,7 @@ class Arc:
         The first bound is how far r'' may fall below its lesser end, the second how far r' may leave its chord.
         """
         width = high - low
-        pull, jerk = self.control[:, 0] + self.quadrotor.gravity, self.control[:, 0] * np.abs(self.control[:, 1])
+        pull, jerk = self.most_acceleration, self.control[:, 0] * np.abs(self.control[:, 1])
         found = []
         for time in (low, high):
             state = self.at(time)

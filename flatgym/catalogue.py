@@ -7,10 +7,15 @@ import math
 from types import MappingProxyType
 from typing import TypeAlias
 
+from flatgym.distributions import DISTRIBUTIONS, Distribution
 from flatgym.scenario import Hoop, Scenario
 
 ScenarioLike: TypeAlias = str | Scenario
 """A name of SCENARIOS, a scenario as a JSON text, or a Scenario."""
+Problem: TypeAlias = Scenario | Distribution
+"""What an environment can fly."""
+ProblemLike: TypeAlias = str | Problem
+"""A name of SCENARIOS or DISTRIBUTIONS, a scenario as a JSON text, a Scenario or a Distribution."""
 
 _QUARTER = math.pi / 2
 _NAMED = (
@@ -55,18 +60,30 @@ def scenario(name: ScenarioLike) -> Scenario:
     JSON texts let environment specifications, which must be plain data, carry any scenario.
 
     Raises:
-        ValueError: for an unknown name, listing the known ones and the nearest.
+        ValueError: for an unknown name, listing the known ones and the nearest, and for a distribution.
         TypeError: for anything that is neither a name nor a Scenario.
     """
-    if isinstance(name, Scenario):
+    found = problem(name)
+    if isinstance(found, Distribution):
+        raise ValueError(
+            f"{found.name!r} is a distribution of scenarios; draw one: "
+            f"flatgym.DISTRIBUTIONS[{found.name!r}].scenario(seed, episode)"
+        )
+    return found
+
+
+def problem(name: ProblemLike) -> Problem:
+    """Return the named scenario or distribution, as `scenario` does."""
+    if isinstance(name, (Scenario, Distribution)):
         return name
     if not isinstance(name, str):
-        raise TypeError(f"expected a scenario name or a Scenario, got {name!r}")
+        raise TypeError(f"expected the name of a scenario, a Scenario or a Distribution, got {name!r}")
     if name.startswith("{"):
         return Scenario.from_json(name)
+    known = SCENARIOS | DISTRIBUTIONS
     try:
-        return SCENARIOS[name]
+        return known[name]
     except KeyError:
-        near = difflib.get_close_matches(name, SCENARIOS, n=1)
+        near = difflib.get_close_matches(name, known, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise ValueError(f"unknown scenario {name!r}; known: {', '.join(SCENARIOS)}{hint}") from None
+        raise ValueError(f"unknown scenario {name!r}; known: {', '.join(known)}{hint}") from None

@@ -1,28 +1,34 @@
-"""FlatQuad-v0, one vehicle at a time: a thin Gymnasium shell around the verbs of `task`."""
+"""FlatQuad-v0, one vehicle at a time: a thin Gymnasium shell around a fleet of one."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flatgym import catalogue, task
-from flatgym.catalogue import DEFAULT_SCENARIO, ScenarioLike
+from flatgym import catalogue
+from flatgym.catalogue import DEFAULT_SCENARIO, ProblemLike
+from flatgym.course import Course, Starts
+from flatgym.disturbances import Disturbances
+from flatgym.fleet import Told, fleet_of
 from flatgym.quadrotor import Array
-from flatgym.scene import FLYING, OUTCOMES, Scene, Situation
-from flatgym.task import OBSERVATION_NAMES
+from flatgym.resetting import OPTIONS, begin
+from flatgym.scenario import Scenario
+from flatgym.scene import FLYING, GOAL, OUTCOMES
+from flatgym.task import observation_names
 
 Observation = NDArray[np.float32]
 
-REWARDS = ("shaped", "sparse")
-RESET_OPTIONS = ("state", "hoops_passed")
+ALL = np.ones(1, dtype=np.bool_)
 
 
-def observation_space() -> gym.Space[Any]:
-    """The space of one observation, named by OBSERVATION_NAMES."""
-    return gym.spaces.Box(-1.0, 1.0, (len(OBSERVATION_NAMES),), np.float32)
+def observation_space(observation: str = "features") -> gym.Space[Any]:
+    """The space of one observation, named by `observation_names`."""
+    most = 1.0 if observation == "features" else np.inf
+    return gym.spaces.Box(-most, most, (len(observation_names(observation)),), np.float32)
 
 
 def action_space() -> gym.Space[Any]:
@@ -30,48 +36,16 @@ def action_space() -> gym.Space[Any]:
     return gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
-def check_reward(reward: str) -> bool:
-    """Return whether the reward is shaped; a ValueError lists the known rewards."""
-    if reward not in REWARDS:
-        raise ValueError(f"unknown reward {reward!r}; known: {', '.join(REWARDS)}")
-    return reward == "shaped"
-
-
 def check_actions(actions: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return actions as floats clipped to [-1, 1]; a ValueError for a wrong shape, NaN or infinity."""
+    """Return actions as floats; a ValueError for a wrong shape, NaN or infinity."""
     values = np.asarray(actions, dtype=np.float64)
     if values.shape != shape:
         raise ValueError(f"actions must have shape {shape}, got {values.shape}")
-    if not np.isfinite(values).all():
+    # The sum is finite if all are, and almost always only then.
+    if not math.isfinite(values.sum()) and not np.isfinite(values).all():
         where = [tuple(map(int, index)) for index in np.argwhere(~np.isfinite(values))[:5]]
         raise ValueError(f"actions must be finite, got {values[~np.isfinite(values)][:5]} at indices {where}")
-    return np.clip(values, -1.0, 1.0)
-
-
-def check_state(state: ArrayLike) -> Array:
-    """Return a start state as floats, shape (5,); a ValueError for anything else."""
-    values = np.asarray(state, dtype=np.float64)
-    if values.shape != (5,) or not np.isfinite(values).all():
-        raise ValueError(f"options['state'] must be five finite numbers [x, z, vx, vz, theta], got {state!r}")
     return values
-
-
-def begin(scene: Scene, options: dict[str, Any] | None) -> Situation:
-    """Return the initial situation of one vehicle, with the reset options applied."""
-    options = options or {}
-    unknown = set(options) - set(RESET_OPTIONS)
-    if unknown:
-        raise ValueError(f"unknown reset options {sorted(unknown)}; known: {', '.join(RESET_OPTIONS)}")
-    situation = task.initial(scene)
-    state, passed = situation.state, situation.hoops_passed
-    if "state" in options:
-        state = check_state(options["state"])[None]
-    if "hoops_passed" in options:
-        count = options["hoops_passed"]
-        if count not in range(int(scene.hoop_count[0]) + 1):
-            raise ValueError(f"options['hoops_passed'] must lie in 0..{scene.hoop_count[0]}, got {count!r}")
-        passed = np.array([count])
-    return Situation(state=state, steps=situation.steps, hoops_passed=passed, outcome=situation.outcome)
 
 
 class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
@@ -87,8 +61,8 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     | 1 | rate   | `-rate_max` = -10 rad/s | `rate_max` = 10 rad/s |
 
     ## Observation space
-    `Box(-1, 1, (19,), float32)`. Lengths are asinh(l / 0.5 m) scaled to 1 at 20 m, speeds
-    asinh(v / 1 m/s) scaled to 1 at 30 m/s: fine near zero, bounded far away.
+    `observation="features"` (default): `Box(-1, 1, (19,), float32)`, named by `flatgym.observation_names()`. Lengths
+    are seen as l / (2 m + |l|), speeds as v / (4 m/s + |v|): fine near zero, bounded far away.
 
     | # | name | meaning |
     |---|------|---------|
@@ -102,9 +76,22 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     | 16-17 | floor, ceiling | height above the floor, below the ceiling; 1 when there is none |
     | 18 | time | elapsed share of the time limit |
 
+    `observation="state"`: `Box(-inf, inf, (5,), float32)`, the state itself, named by
+    `flatgym.observation_names("state")`; it does not tell goal and hoops.
+
+    | # | name | unit |
+    |---|------|------|
+    | 0-1 | x, z | m |
+    | 2-3 | vx, vz | m/s |
+    | 4 | theta | rad, from the upright, not wrapped |
+
+    Several past observations at once are what Gymnasium's FrameStackObservation is for.
+
     ## Start
-    At rest and upright at `scenario.start`; `reset(options={"state": [x, z, vx, vz, theta]})` starts
-    anywhere, `options={"hoops_passed": n}` with n hoops already passed.
+    At rest and upright at `scenario.start`. What is drawn at random - a scenario of a distribution, disturbances - is a
+    function of the seed given to `reset` and the number of resets since, and of nothing else.
+    `reset(options={"state": [x, z, vx, vz, theta]})` starts anywhere, `options={"hoops_passed": n}` with n hoops
+    already passed.
 
     ## Reward
     `reward="sparse"`: -dt a step; a failed flight pays the rest of the time limit at once, so the
@@ -125,7 +112,21 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     (one of `flatgym.OUTCOMES`; "flying" until the end).
 
     ## Arguments
-    `scenario`: a name of `flatgym.SCENARIOS` or a `Scenario`. `reward`: "shaped" or "sparse".
+    | argument | default | meaning |
+    |----------|---------|---------|
+    | scenario | "hoop" | a name of `flatgym.SCENARIOS` or `flatgym.DISTRIBUTIONS`, a `Scenario` or a `Distribution` |
+    | reward | "shaped" | or "sparse" |
+    | observation | "features" | or "state" |
+    | wind | 0 | greatest acceleration by a constant wind [m/s^2] |
+    | thrust_gain | 0 | greatest relative error of the thrust |
+    | mass | 0 | greatest relative error of the mass |
+    | action_delay | 0 | most steps by which actions come late |
+    | sensor_noise | 0 | standard deviation of what is measured [m, m/s, rad]; `info` tells the truth |
+    | starts | None | a `flatgym.course.Starts`, a pool of states in which episodes begin, for training |
+    | ghost | False | True to draw the best flight known beside, or states (K+1, 5) of another |
+    | render_mode | None | "human" or "rgb_array"; needs the extra `render` |
+
+    Disturbances are drawn anew each episode, see `flatgym.disturbances`; all are off by default.
 
     ## Version history
     v0: first release.
@@ -134,44 +135,73 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     metadata = {"render_modes": []}
 
     def __init__(
-        self, scenario: ScenarioLike = DEFAULT_SCENARIO, reward: str = "shaped", render_mode: str | None = None
+        self,
+        scenario: ProblemLike = DEFAULT_SCENARIO,
+        reward: str = "shaped",
+        observation: str = "features",
+        *,
+        wind: float = 0.0,
+        thrust_gain: float = 0.0,
+        mass: float = 0.0,
+        action_delay: int = 0,
+        sensor_noise: float = 0.0,
+        starts: Starts | None = None,
+        render_mode: str | None = None,
     ) -> None:
-        self.scenario = catalogue.scenario(scenario)
-        self.scene = Scene.of([self.scenario])
-        self.shaped = check_reward(reward)
+        disturbances = Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise)
+        self.course = Course(catalogue.problem(scenario), reward, observation, disturbances, starts)
+        self.fleet = fleet_of(self.course, 1)
         self.render_mode = render_mode
-        self.observation_space = observation_space()
+        self.observation_space = observation_space(observation)
         self.action_space = action_space()
-        self._situation: Situation | None = None
+        self._actions = np.zeros((1, 2))
+        self._outcome: int | None = None
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario of the present episode."""
+        problem = self.course.problem
+        if isinstance(problem, Scenario):
+            return problem
+        return problem.scenario(int(self.fleet.seeds[0]), int(self.fleet.episodes[0]))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Start a new flight; see the class for the options."""
         super().reset(seed=seed)
-        self._situation = begin(self.scene, options)
-        return task.observe(self.scene, self._situation)[0], self._info()
+        if seed is None and self._outcome is None:
+            seed = int(self.np_random.integers(2**63))
+        seeds = None if seed is None else np.array([seed], dtype=np.uint64)
+        observation, told = begin(self.fleet, ALL, seeds, options or {}, OPTIONS)
+        self._outcome = FLYING
+        return observation[0], self._info(told)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Fly one step of dt; raises ResetNeeded before the first reset and after the end."""
-        before = self._situation
-        if before is None:
-            raise gym.error.ResetNeeded("call reset() before the first step()")
-        if before.outcome[0] != FLYING:
-            word = OUTCOMES[before.outcome[0]]
+        if self._outcome != FLYING:
+            if self._outcome is None:
+                raise gym.error.ResetNeeded("call reset() before the first step()")
+            word = OUTCOMES[self._outcome]
             raise gym.error.ResetNeeded(f"the flight has ended ({word!r}); call reset() before the next step()")
-        control = self.scene.quadrotor.control(check_actions(action, (2,)))
-        after = self._situation = task.advance(self.scene, before, control[None])
-        reward = task.reward(self.scene, before, after, self.shaped)
+        self._actions[0] = check_actions(action, (2,))
+        flown = self.fleet.step(self._actions)
+        self._outcome = int(flown.told.outcome[0])
         return (
-            task.observe(self.scene, after)[0],
-            float(reward[0]),
-            bool(after.terminated[0]),
-            bool(after.truncated[0]),
-            self._info(),
+            flown.observation[0],
+            float(flown.reward[0]),
+            bool(flown.terminated[0]),
+            bool(flown.truncated[0]),
+            self._info(flown.told),
         )
 
-    def _info(self) -> dict[str, Any]:
-        assert self._situation is not None
-        arrays = task.info(self.scene, self._situation)
-        return {key: values[0].copy() if key == "state" else values.tolist()[0] for key, values in arrays.items()}
+    def _info(self, told: Told) -> dict[str, Any]:
+        steps, outcome = int(told.steps[0]), int(told.outcome[0])
+        return {
+            "state": told.state[0],
+            "time": steps * self.course.dt,
+            "steps": steps,
+            "hoops_passed": int(told.hoops_passed[0]),
+            "is_success": outcome == GOAL,
+            "outcome": OUTCOMES[outcome],
+        }

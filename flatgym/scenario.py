@@ -18,6 +18,18 @@ from flatgym.validation import number, point, positive
 
 BOUNDS_MARGIN = 5.0
 """How far beyond everything a scenario names a flight may stray before it is out of bounds [m]."""
+STEPS_MOST = 1_000_000
+"""Most steps of a flight."""
+
+
+def steps_within(time_limit: float, dt: float) -> int:
+    """Return the number of steps of dt [s] after which a flight is truncated; a ValueError for none or too many."""
+    if not dt <= time_limit <= STEPS_MOST * dt:
+        raise ValueError(
+            f"Scenario.time_limit must be at least dt = {dt} and at most {STEPS_MOST} dt = {STEPS_MOST * dt} s, "
+            f"got {time_limit}"
+        )
+    return round(time_limit / dt)
 
 
 @dataclass(frozen=True)
@@ -130,8 +142,7 @@ class Scenario:
                 f"Scenario.dt must be below 2 pi / rate_max = {2 * math.pi / self.quadrotor.rate_max:.4g} s, so that "
                 f"no step makes a whole turn, got {self.dt}"
             )
-        if self.time_limit < self.dt:
-            raise ValueError(f"Scenario.time_limit must be at least dt = {self.dt}, got {self.time_limit}")
+        steps_within(self.time_limit, self.dt)
         if not self.hoops and math.dist(self.start, self.goal) <= self.tolerance.position:
             raise ValueError(
                 f"Scenario.goal {self.goal} lies within tolerance.position = {self.tolerance.position} m "
@@ -187,7 +198,7 @@ class Scenario:
     @property
     def max_steps(self) -> int:
         """The number of steps after which a flight is truncated."""
-        return max(1, round(self.time_limit / self.dt))
+        return steps_within(self.time_limit, self.dt)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:

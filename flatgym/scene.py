@@ -7,7 +7,8 @@ frozen values: the verbs of `flatgym.task` take them and return new ones.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,6 @@ class Scene:
     """The scenarios of n vehicles as arrays; hoops padded to the largest number H.
 
     Attributes:
-        scenarios: the scenarios themselves, length n.
         quadrotor, tolerance, dt: shared by all.
         start, goal: points [m], shape (n, 2).
         hoop_centre, hoop_direction: shape (n, H, 2) [m], [-].
@@ -36,9 +36,10 @@ class Scene:
         floor, ceiling: heights [m], shape (n,); infinite where there is none.
         bounds: least x, least z, greatest x, greatest z [m], shape (n, 4).
         max_steps: steps after which a flight is truncated, shape (n,).
+        thrust_factor: by which the commanded thrust is multiplied, shape (n,).
+        wind: acceleration by the wind [m/s^2], shape (n, 2).
     """
 
-    scenarios: tuple[Scenario, ...]
     quadrotor: Quadrotor
     tolerance: Tolerance
     dt: float
@@ -52,6 +53,8 @@ class Scene:
     ceiling: Array
     bounds: Array
     max_steps: Integers
+    thrust_factor: Array
+    wind: Array
 
     @classmethod
     def of(cls, scenarios: Sequence[Scenario]) -> Scene:
@@ -70,7 +73,6 @@ class Scene:
             for j, hoop in enumerate(s.hoops):
                 centre[i, j], direction[i, j], diameter[i, j] = hoop.centre, hoop.direction, hoop.diameter
         return cls(
-            scenarios=tuple(scenarios),
             quadrotor=first.quadrotor,
             tolerance=first.tolerance,
             dt=first.dt,
@@ -84,10 +86,28 @@ class Scene:
             ceiling=np.array([np.inf if s.ceiling is None else s.ceiling for s in scenarios]),
             bounds=np.array([s.bounds for s in scenarios]),
             max_steps=np.array([s.max_steps for s in scenarios]),
+            thrust_factor=np.ones(n),
+            wind=np.zeros((n, 2)),
         )
 
     def __len__(self) -> int:
-        return len(self.scenarios)
+        return len(self.start)
+
+    def repeat(self, n: int) -> Scene:
+        """Return the scene with each of its scenarios n times."""
+        arrays: dict[str, Any] = {name: np.repeat(value, n, axis=0) for name, value in self._arrays().items()}
+        return replace(self, **arrays)
+
+    def put(self, rows: NDArray[Any], other: Scene) -> Scene:
+        """Return this scene with the scenarios at `rows` taken from `other`, which is as long as there are rows."""
+        arrays: dict[str, Any] = {name: value.copy() for name, value in self._arrays().items()}
+        for name, value in arrays.items():
+            value[rows] = getattr(other, name)
+        return replace(self, **arrays)
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
 
 @dataclass(frozen=True)

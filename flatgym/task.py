@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flatgym.arc import Arc
 from flatgym.potential import potential
-from flatgym.quadrotor import Array
+from flatgym.quadrotor import STATE_NAMES, Array
 from flatgym.scenario import Scenario
 from flatgym.scene import (
     CEILING,
@@ -55,8 +55,19 @@ OBSERVATION_NAMES = (
 )
 """What each component of an observation is; FlatQuadEnv documents the scales."""
 
-LENGTH_UNIT, LENGTH_MAX = 0.5, 20.0
-SPEED_UNIT, SPEED_MAX = 1.0, 30.0
+LENGTH_UNIT, SPEED_UNIT = 2.0, 4.0
+"""Length [m] and speed [m/s] that are seen as one half."""
+FAR = 1e12
+"""Length instead of infinity, so that it is seen as 1 [m]."""
+OBSERVATIONS = {"features": OBSERVATION_NAMES, "state": STATE_NAMES}
+"""What can be observed, and the names of its components."""
+
+
+def observation_names(observation: str = "features") -> tuple[str, ...]:
+    """Return the names of the components of an observation, "features" or "state"."""
+    if observation not in OBSERVATIONS:
+        raise ValueError(f"unknown observation {observation!r}; known: {', '.join(OBSERVATIONS)}")
+    return OBSERVATIONS[observation]
 
 
 def initial(scene: Scene) -> Situation:
@@ -70,7 +81,8 @@ def initial(scene: Scene) -> Situation:
 
 def advance(scene: Scene, situation: Situation, control: Array) -> Situation:
     """Fly every vehicle one step of dt under its constant control [thrust, rate], shape (n, 2)."""
-    arc = Arc(scene.quadrotor, situation.state, control, scene.dt)
+    felt = np.stack([control[:, 0] * scene.thrust_factor, control[:, 1]], axis=-1)
+    arc = Arc(scene.quadrotor, situation.state, felt, scene.dt, scene.wind)
     after = Situation(
         state=arc.at(scene.dt),
         steps=situation.steps + 1,
@@ -132,13 +144,11 @@ def _pass_hoops(scene: Scene, arc: Arc, passed: Integers) -> Integers:
     """Return the hoops passed after the arc, in order, several in one step if it comes to that."""
     passed, time, reach = passed.copy(), np.zeros(len(arc)), arc.reach
     rows = np.arange(len(arc))
-    for _ in range(scene.hoop_centre.shape[1]):
+    while rows.size:
         rows = rows[passed[rows] < scene.hoop_count[rows]]
         centre = scene.hoop_centre[rows, passed[rows]]
         near = np.hypot(*(arc.state[rows, 0:2] - centre).T) <= reach[rows] + scene.hoop_diameter[rows, passed[rows]]
         rows, centre = rows[near], centre[near]
-        if not rows.size:
-            break
         direction = scene.hoop_direction[rows, passed[rows]]
         gap = scene.hoop_diameter[rows, passed[rows]] / 2 - scene.quadrotor.radius
         sub = arc[rows]
@@ -146,9 +156,9 @@ def _pass_hoops(scene: Scene, arc: Arc, passed: Integers) -> Integers:
         crosses = ~np.isnan(when)
         offset = sub.at(np.where(crosses, when, 0.0))[:, 0:2] - centre
         aside = np.abs(offset[:, 1] * direction[:, 0] - offset[:, 0] * direction[:, 1])
-        through = crosses & (aside <= gap)
-        rows, when = rows[through], when[through]
-        passed[rows] += 1
+        passed[rows] += crosses & (aside <= gap)
+        # Who crossed beside the gap may cross again, who passed may meet the next hoop.
+        rows, when = rows[crosses], when[crosses]
         time[rows] = when
     return passed
 
@@ -165,30 +175,33 @@ def _touches_rim(scene: Scene, arc: Arc) -> NDArray[np.bool_]:
     return touched
 
 
-def _squash(value: Array, unit: float, most: float) -> Array:
-    """Return asinh(value / unit), scaled to 1 at `most` and clipped: fine near 0, bounded afar."""
-    return np.clip(np.arcsinh(value / unit) / np.arcsinh(most / unit), -1.0, 1.0)
+def _squash(length: Array, unit: float) -> Array:
+    """Return length / (unit + |length|): fine near zero, 1/2 at the unit, never quite 1 but for what is infinite."""
+    length = np.minimum(length, FAR)
+    return length / (unit + np.abs(length))
 
 
-def observe(scene: Scene, situation: Situation) -> NDArray[np.float32]:
-    """Return the observations named in OBSERVATION_NAMES, all in [-1, 1], shape (n, 19)."""
+def observe(scene: Scene, situation: Situation, observation: str = "features") -> NDArray[np.float32]:
+    """Return the features named in OBSERVATION_NAMES, all in [-1, 1], shape (n, 19), or the states, shape (n, 5)."""
+    if observation == "state":
+        return situation.state.astype(np.float32)
     state, n = situation.state, len(scene)
     x, z, theta = state[:, 0], state[:, 1], state[:, 4]
     columns = np.zeros((len(OBSERVATION_NAMES), n))
-    columns[0:2] = _squash(scene.goal - state[:, 0:2], LENGTH_UNIT, LENGTH_MAX).T
-    columns[2:4] = _squash(state[:, 2:4], SPEED_UNIT, SPEED_MAX).T
+    columns[0:2] = _squash(scene.goal - state[:, 0:2], LENGTH_UNIT).T
+    columns[2:4] = _squash(state[:, 2:4], SPEED_UNIT).T
     columns[4], columns[5] = np.sin(theta), np.cos(theta)
     for i in range(min(HOOPS_SEEN, scene.hoop_centre.shape[1])):
         ahead = np.flatnonzero(situation.hoops_passed + i < scene.hoop_count)
         which = situation.hoops_passed[ahead] + i
         centre, direction = scene.hoop_centre[ahead, which], scene.hoop_direction[ahead, which]
         row = 6 + 5 * i
-        columns[row, ahead] = _squash(centre[:, 0] - x[ahead], LENGTH_UNIT, LENGTH_MAX)
-        columns[row + 1, ahead] = _squash(centre[:, 1] - z[ahead], LENGTH_UNIT, LENGTH_MAX)
+        columns[row, ahead] = _squash(centre[:, 0] - x[ahead], LENGTH_UNIT)
+        columns[row + 1, ahead] = _squash(centre[:, 1] - z[ahead], LENGTH_UNIT)
         columns[row + 2 : row + 4, ahead] = direction.T
-        columns[row + 4, ahead] = _squash(scene.hoop_diameter[ahead, which], LENGTH_UNIT, LENGTH_MAX)
-    columns[-3] = _squash(z - scene.floor, LENGTH_UNIT, LENGTH_MAX)
-    columns[-2] = _squash(scene.ceiling - z, LENGTH_UNIT, LENGTH_MAX)
+        columns[row + 4, ahead] = _squash(scene.hoop_diameter[ahead, which], LENGTH_UNIT)
+    columns[-3] = _squash(z - scene.floor, LENGTH_UNIT)
+    columns[-2] = _squash(scene.ceiling - z, LENGTH_UNIT)
     columns[-1] = np.minimum(situation.steps / scene.max_steps, 1.0)
     return np.ascontiguousarray(columns.T, dtype=np.float32)
 

@@ -7,13 +7,18 @@ from typing import Any
 
 import numpy as np
 
+MAGNITUDE = 1e6
+"""Numbers beyond this are refused: nothing flown is that large, and their squares stay far from overflow."""
+
 
 def number(owner: str, name: str, value: Any) -> float:
     """Return a finite number as a float."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise ValueError(f"{owner}.{name} must be a number, got {value!r}")
-    if not math.isfinite(value):
+    if isinstance(value, (float, np.floating)) and not math.isfinite(value):
         raise ValueError(f"{owner}.{name} must be finite, got {value!r}")
+    if not -MAGNITUDE <= value <= MAGNITUDE:
+        raise ValueError(f"{owner}.{name} must lie within {MAGNITUDE:g} of zero, got {value!r}")
     return float(value)
 
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from agents.starts import BackwardStarts, fly_back
+from agents.starts import backward_starts, fly_back
 from flatgym import SCENARIOS, task
 from flatgym.scene import GOAL, Scene, Situation
+from flatgym.vector import FlatQuadVectorEnv
 
 
 def test_no_time_back_is_the_goal(generator):
@@ -30,8 +31,8 @@ def test_one_leg_back_flies_forward_to_the_goal(generator):
 @pytest.mark.parametrize("name", ["ground-6", "hoop", "slalom"])
 def test_the_pool_is_mixed_within_bounds_and_seeded(name):
     scenario = SCENARIOS[name]
-    starts = BackwardStarts(scenario, share=0.8, seed=3, size=2000)
-    state, passed = starts.pool
+    starts = backward_starts(scenario, share=0.8, seed=3, size=2000)
+    state, passed = starts.state, starts.hoops_passed
     at_start = np.all(state == scenario.start_state, axis=1)
     assert at_start.mean() < 0.7
     assert np.all(passed[at_start] == 0)
@@ -39,16 +40,17 @@ def test_the_pool_is_mixed_within_bounds_and_seeded(name):
     assert np.all((state[:, 0] >= low_x) & (state[:, 0] <= high_x) & (state[:, 1] >= low_z) & (state[:, 1] <= high_z))
     assert scenario.floor is None or np.all(state[:, 1] >= scenario.floor)
     assert passed.max() == len(scenario.hoops)
-    again = BackwardStarts(scenario, share=0.8, seed=3, size=2000).pool
-    np.testing.assert_array_equal(state, again[0])
-    drawn, _ = starts(np.random.default_rng(0), 4000)
+    again = backward_starts(scenario, share=0.8, seed=3, size=2000)
+    np.testing.assert_array_equal(state, again.state)
+    drawn = FlatQuadVectorEnv(4000, scenario, starts=starts).reset(seed=0)[1]["state"]
     home = np.all(drawn == scenario.start_state, axis=1).mean()
     assert home == pytest.approx(0.2 + 0.8 * at_start.mean(), abs=0.05)
 
 
 def test_hoops_behind_are_still_to_be_passed():
     scenario = SCENARIOS["hoop"]
-    state, passed = BackwardStarts(scenario, near=0.0, size=5000).pool
+    starts = backward_starts(scenario, near=0.0, size=5000)
+    state, passed = starts.state, starts.hoops_passed
     before = passed == 0
     assert before.any()
     # To have met the hoop on the way back, a flight must have come from beyond its line.

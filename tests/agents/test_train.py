@@ -9,10 +9,8 @@ import pytest
 
 from agents.configs import PPOConfig
 from agents.evaluate import fly
-from agents.starts import BackwardStarts
 from agents.train import GentleFailure, Schedules, build, load, read_curve, train
 from agents.vec_env import make_vec_env
-from flatgym import SCENARIOS
 from optimal import fewest_steps
 
 SMALL = PPOConfig(
@@ -75,8 +73,7 @@ def test_the_price_of_failure_is_fixed():
 
 
 def test_the_tolerance_tightens_to_the_true_one(small):
-    starts = BackwardStarts(SCENARIOS[small.scenario], small.drawn)
-    model = build(small, starts)
+    model = build(small)
     envs = model.get_env()
     seen = []
 
@@ -85,11 +82,11 @@ def test_the_tolerance_tightens_to_the_true_one(small):
             super()._on_rollout_end()
             seen.append(envs.get_attr("scenario")[0].tolerance.position)
 
-    model.learn(2048, callback=Watch(small, starts, -np.inf))
+    model.learn(2048, callback=Watch(small, -np.inf))
     assert seen == sorted(seen, reverse=True)
     assert 0.2 < seen[0] < 0.3
     assert seen[-1] == 0.1
-    assert starts.share == pytest.approx(small.drawn_end)
+    assert envs.get_attr("fleet")[0].share == pytest.approx(small.drawn_end)
 
 
 def test_an_untouched_run_has_no_curve(tmp_path):

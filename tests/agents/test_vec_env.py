@@ -7,6 +7,8 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents import FlatQuadVecEnv, make_vec_env
+from flatgym import Tolerance
+from flatgym.course import Starts
 from flatgym.vector import FlatQuadVectorEnv
 
 
@@ -51,9 +53,7 @@ def test_truncation_is_told_from_termination():
 
 
 def test_seed_is_used_at_the_next_reset():
-    def starts(rng, n):
-        return rng.normal(size=(n, 5)), np.zeros(n, dtype=np.int64)
-
+    starts = Starts(np.random.default_rng(0).normal(size=(100, 5)))
     vec = make_vec_env("hoop", 4, starts=starts, seed=3)
     first = vec.reset()
     vec.seed(3)
@@ -63,13 +63,13 @@ def test_seed_is_used_at_the_next_reset():
 
 def test_shared_attributes_are_set_for_all_or_not_at_all():
     vec = make_vec_env("hoop", 3)
-    vec.env_method("set_scenario", "diagonal")
-    assert [scenario.name for scenario in vec.get_attr("scenario")] == ["diagonal"] * 3
+    vec.env_method("set_tolerance", Tolerance(position=0.5))
+    assert [scenario.tolerance.position for scenario in vec.get_attr("scenario")] == [0.5] * 3
     assert vec.env_is_wrapped(gym.Wrapper) == [False] * 3
     with pytest.raises(ValueError, match="indices=0 would split them"):
-        vec.set_attr("shaped", False, indices=0)
-    vec.set_attr("shaped", False)
-    assert not vec.envs.shaped
+        vec.set_attr("render_mode", "none", indices=0)
+    vec.set_attr("render_mode", "none")
+    assert vec.envs.render_mode == "none"
 
 
 def test_other_autoreset_modes_are_refused():

@@ -6,6 +6,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from flatgym import SCENARIOS
+from flatgym.course import Starts
 from flatgym.vector import FlatQuadVectorEnv
 
 N = 6
@@ -77,9 +78,7 @@ def test_registered_under_one_id():
 
 
 def test_same_seed_same_starts(generator):
-    def starts(rng, n):
-        return rng.normal(size=(n, 5)), np.zeros(n, dtype=np.int64)
-
+    starts = Starts(np.random.default_rng(0).normal(size=(100, 5)))
     first, second = batched("hoop", starts=starts), batched("hoop", starts=starts)
     np.testing.assert_array_equal(first.reset(seed=5)[0], second.reset(seed=5)[0])
     for actions in rough_actions(generator, 50):

@@ -1,0 +1,192 @@
+"""What happens inside one step, for one vehicle, compiled: the twin of `flatgym.arc`.
+
+The theory stands there. An arc is a tuple (x, z, vx, vz, theta, thrust, rate, pull_x, pull_z): the state at the
+beginning of the step, the control held over it, the acceleration by gravity and wind. A test holds both together.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+
+from flatgym.arc import HAIR, ROOT_ITERATIONS, ROOT_WIDTH
+
+compiled = numba.njit(error_model="numpy")
+
+HEIGHT, SPEED, APPROACH = 0, 1, 2
+"""Whose root is sought: (p - point) . direction, p' . direction, or half the rate of change of |p - point|^2."""
+PARTS = 128
+"""Parts of a step that may wait to be looked at; halving to a hair takes fewer than 40."""
+
+
+@compiled
+def at(arc: Any, time: float) -> Any:
+    """Return x, z, vx, vz and the acceleration ax, az `time` seconds into the step."""
+    x, z, vx, vz, theta, thrust, rate, pull_x, pull_z = arc
+    a = rate * time / 2
+    sin, cos = math.sin(theta + a), math.cos(theta + a)
+    q = a * a
+    if q < 0.25:
+        j0 = 1 - q / 6 * (1 - q / 20 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110 * (1 - q / 156)))))
+        j1 = a / 3 * (1 - q / 10 * (1 - q / 28 * (1 - q / 54 * (1 - q / 88 * (1 - q / 130)))))
+    else:
+        j0 = math.sin(a) / a
+        j1 = (math.sin(a) - a * math.cos(a)) / q
+    dv, half = thrust * time, time / 2
+    return (
+        x + (vx + pull_x * half) * time + dv * half * (j0 * sin - j1 * cos),
+        z + (vz + pull_z * half) * time + dv * half * (j0 * cos + j1 * sin),
+        vx + dv * j0 * sin + pull_x * time,
+        vz + dv * j0 * cos + pull_z * time,
+        thrust * math.sin(theta + rate * time) + pull_x,
+        thrust * math.cos(theta + rate * time) + pull_z,
+    )
+
+
+@compiled
+def event(arc: Any, kind: int, px: float, pz: float, dx: float, dz: float, time: float) -> Any:
+    """Return the function whose root is sought and its time derivative; see HEIGHT, SPEED, APPROACH."""
+    x, z, vx, vz, ax, az = at(arc, time)
+    if kind == HEIGHT:
+        return (x - px) * dx + (z - pz) * dz, vx * dx + vz * dz
+    if kind == SPEED:
+        return vx * dx + vz * dz, ax * dx + az * dz
+    return (x - px) * vx + (z - pz) * vz, vx * vx + vz * vz + (x - px) * ax + (z - pz) * az
+
+
+@compiled
+def rising_root(
+    arc: Any, kind: int, px: float, pz: float, dx: float, dz: float, low: float, high: float, sign: float
+) -> float:
+    """Return the root of `sign` times an event in [low, high], where it rises through zero; the upper end of a hair."""
+    time = (low + high) / 2
+    for _ in range(ROOT_ITERATIONS):
+        value, slope = event(arc, kind, px, pz, dx, dz, time)
+        rising = sign * value >= 0
+        if rising:
+            high = time
+        else:
+            low = time
+        if high - low <= ROOT_WIDTH:
+            break
+        # A hair beyond Newton's point, so that both ends of the bracket move.
+        newton = time - value / slope - (ROOT_WIDTH / 4 if rising else -ROOT_WIDTH / 4)
+        time = newton if low < newton < high else (low + high) / 2
+    return high
+
+
+@compiled
+def inflections(arc: Any, dt: float, dx: float, dz: float) -> Any:
+    """Return, in order, when p'' . direction vanishes within the step, else its end [s]."""
+    theta, thrust, rate, pull_x, pull_z = arc[4:]
+    ratio = -(pull_x * dx + pull_z * dz) / max(thrust, 1e-300)
+    if rate == 0 or abs(ratio) > 1:
+        return dt, dt
+    beta, spread = math.atan2(dx, dz), math.acos(ratio)
+    sign = 1.0 if rate > 0 else -1.0
+    first = (sign * (beta - spread - theta)) % (2 * math.pi) / abs(rate)
+    second = (sign * (beta + spread - theta)) % (2 * math.pi) / abs(rate)
+    first, second = min(first, second), max(first, second)
+    return min(first, dt), min(second, dt)
+
+
+@compiled
+def monotone_times(arc: Any, dt: float, dx: float, dz: float) -> Any:
+    """Return five times from 0 to dt between which p . direction is monotone [s]."""
+    knots = (0.0, *inflections(arc, dt, dx, dz), dt)
+    times = np.zeros(5)
+    before = event(arc, SPEED, 0.0, 0.0, dx, dz, 0.0)[0]
+    for i in range(3):
+        then = event(arc, SPEED, 0.0, 0.0, dx, dz, knots[i + 1])[0]
+        times[i + 1] = knots[i + 1]
+        if before * then < 0:
+            sign = 1.0 if then > 0 else -1.0
+            times[i + 1] = rising_root(arc, SPEED, 0.0, 0.0, dx, dz, knots[i], knots[i + 1], sign)
+        before = then
+    times[4] = dt
+    return times
+
+
+@compiled
+def crossing(arc: Any, dt: float, px: float, pz: float, dx: float, dz: float, after: float) -> float:
+    """Return when the path first crosses a line from below to above later than `after` [s]; nan if it does not."""
+    times = monotone_times(arc, dt, dx, dz)
+    low = max(times[0], after)
+    before = event(arc, HEIGHT, px, pz, dx, dz, low)[0]
+    for i in range(1, 5):
+        high = max(times[i], after)
+        then = event(arc, HEIGHT, px, pz, dx, dz, high)[0]
+        if before < 0 <= then:
+            return rising_root(arc, HEIGHT, px, pz, dx, dz, low, high, 1.0)
+        low, before = high, then
+    return math.nan
+
+
+@compiled
+def lowest(arc: Any, dt: float, dx: float, dz: float) -> float:
+    """Return the least p . direction over the step [m]."""
+    least = math.inf
+    for time in monotone_times(arc, dt, dx, dz):
+        least = min(least, event(arc, HEIGHT, 0.0, 0.0, dx, dz, time)[0])
+    return least
+
+
+@compiled
+def distance(arc: Any, dt: float, px: float, pz: float) -> float:
+    """Return a lower bound of the distance to a point over the step [m], less than 1e-9 too small."""
+    thrust, rate, pull_x, pull_z = arc[5:]
+    acceleration, jerk = thrust + math.hypot(pull_x, pull_z), thrust * abs(rate)
+    parts = np.empty((PARTS, 2))
+    parts[0] = 0.0, dt
+    waiting = 1
+    least = min(_distance_at(arc, px, pz, 0.0), _distance_at(arc, px, pz, dt))
+    while waiting > 0:
+        waiting -= 1
+        low, high = parts[waiting]
+        width = high - low
+        sagitta = acceleration * width**2 / 8
+        floor = _chord_distance(arc, px, pz, low, high) - sagitta
+        if floor >= least:
+            continue
+        slope_low, bend_low = event(arc, APPROACH, px, pz, 0.0, 0.0, low)
+        slope_high, bend_high = event(arc, APPROACH, px, pz, 0.0, 0.0, high)
+        _, _, vx, vz, _, _ = at(arc, low)
+        speed = math.hypot(vx, vz) + acceleration * width
+        third = 3 * speed * acceleration + (_distance_at(arc, px, pz, low) + speed * width) * jerk
+        bow = third * width**2 / 8
+        if min(slope_low, slope_high) >= bow or max(slope_low, slope_high) <= -bow:
+            continue
+        if min(bend_low, bend_high) >= third * width / 2:
+            if slope_low < 0 < slope_high:
+                time = rising_root(arc, APPROACH, px, pz, 0.0, 0.0, low, high, 1.0)
+                least = min(least, _distance_at(arc, px, pz, time))
+            continue
+        if sagitta <= HAIR or waiting + 2 > PARTS:
+            least = floor
+            continue
+        middle = (low + high) / 2
+        least = min(least, _distance_at(arc, px, pz, middle))
+        parts[waiting] = low, middle
+        parts[waiting + 1] = middle, high
+        waiting += 2
+    return max(least, 0.0)
+
+
+@compiled
+def _distance_at(arc: Any, px: float, pz: float, time: float) -> float:
+    x, z, _, _, _, _ = at(arc, time)
+    return math.hypot(x - px, z - pz)
+
+
+@compiled
+def _chord_distance(arc: Any, px: float, pz: float, low: float, high: float) -> float:
+    """Return the distance of a point to the chord between two times of the step [m]."""
+    x, z, _, _, _, _ = at(arc, low)
+    to_x, to_z, _, _, _, _ = at(arc, high)
+    chord_x, chord_z = to_x - x, to_z - z
+    length = max(chord_x**2 + chord_z**2, 1e-300)
+    share = min(max(((px - x) * chord_x + (pz - z) * chord_z) / length, 0.0), 1.0)
+    return math.hypot(x + share * chord_x - px, z + share * chord_z - pz)

@@ -1,0 +1,240 @@
+"""Many flights of a course, with their episodes: the verbs of `flatgym.task`, and what begins anew when.
+
+`Fleet` is written with NumPy; `flatgym.compiled.CompiledFleet` is the same through compiled kernels, which
+`fleet_of` takes where numba is installed. Both environments, scalar and batched, are thin shells around one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.util import find_spec
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flatgym import task
+from flatgym.course import Course
+from flatgym.distributions import PER_HOOP, PLACED, Distribution
+from flatgym.draws import START, uniform
+from flatgym.quadrotor import Array
+from flatgym.scenario import BOUNDS_MARGIN, Scenario, Tolerance
+from flatgym.scene import GOAL, OUTCOMES, Integers, Scene
+
+Mask = NDArray[np.bool_]
+Seeds = NDArray[np.uint64]
+WORDS = np.array(OUTCOMES, dtype=object)
+
+
+class Told(NamedTuple):
+    """How n flights stand: states (n, 5), steps, hoops passed and outcomes (n,), as in Situation."""
+
+    state: Array
+    steps: Integers
+    hoops_passed: Integers
+    outcome: NDArray[Any]
+
+    def info(self, dt: float) -> dict[str, Any]:
+        """Return what the environments' `info` says, each with leading axis n."""
+        return {
+            "state": self.state,
+            "time": self.steps * dt,
+            "steps": self.steps,
+            "hoops_passed": self.hoops_passed,
+            "is_success": self.outcome == GOAL,
+            "outcome": WORDS[self.outcome],
+        }
+
+
+class Flown(NamedTuple):
+    """What a step gave.
+
+    Attributes:
+        observation: shape (n, components), float32.
+        reward, terminated, truncated: shape (n,).
+        told: how the flights stand, after those that ended have begun anew if they do so within the step.
+        final_observation, final: observation and standing of the flights that ended, right in their rows only; None
+            when no flight ended, or when none begins anew within the step.
+    """
+
+    observation: NDArray[np.float32]
+    reward: Array
+    terminated: Mask
+    truncated: Mask
+    told: Told
+    final_observation: NDArray[np.float32] | None = None
+    final: Told | None = None
+
+
+Begun = tuple[NDArray[np.float32], Told]
+
+
+class Fleet:
+    """n flights of a course.
+
+    Args:
+        course: what is flown.
+        n: number of flights.
+        same_step: whether a flight that ends begins anew within the step; otherwise the next step does it, ignoring
+            its action.
+    """
+
+    def __init__(self, course: Course, n: int, same_step: bool = False) -> None:
+        self.course, self.n, self.same_step = course, n, same_step
+        self.share = course.starts.share if course.starts else 0.0
+        self.seeds, self.episodes = np.zeros(n, dtype=np.uint64), np.zeros(n, dtype=np.uint64)
+        self._prepare()
+
+    def _prepare(self) -> None:
+        self.scene = scene_of(self.course, self.seeds, self.episodes)
+        self.situation = task.initial(self.scene)
+        self.waits = np.zeros(self.n, dtype=bool)
+        self.pending = np.zeros((self.course.disturbances.action_delay + 1, self.n, 2))
+        self.delay = np.zeros(self.n, dtype=np.int64)
+
+    def set_tolerance(self, tolerance: Tolerance) -> None:
+        """Let something else count as arrived from the next step on."""
+        self.course = replace(self.course, problem=replace(self.course.problem, tolerance=tolerance))
+        self.scene = replace(self.scene, tolerance=tolerance)
+
+    def set_share(self, share: float) -> None:
+        """Let another share of the episodes begin in the pool of starts."""
+        self.share = share
+
+    def reseed(self, mask: Mask, seeds: Seeds | None) -> None:
+        """Number the episodes that begin next under `mask`: the first of new seeds (n,), or the next of the old."""
+        if seeds is not None:
+            self.seeds, self.episodes = np.where(mask, seeds, self.seeds), np.where(mask, np.uint64(0), self.episodes)
+        else:
+            self.episodes = self.episodes + mask.astype(np.uint64)
+
+    def hoop_counts(self) -> Integers:
+        """Return the number of hoops of the present episodes, shape (n,), before they have begun."""
+        problem = self.course.problem
+        if isinstance(problem, Scenario):
+            return np.full(self.n, len(problem.hoops))
+        return problem.draw(self.seeds, self.episodes)[:, 2].astype(np.int64)
+
+    def reset(self, mask: Mask, state: Array | None = None, hoops_passed: Integers | None = None) -> Begun:
+        """Begin the episodes `self.episodes` of the flights under `mask`, at given states or at their own starts.
+
+        Args:
+            mask: shape (n,).
+            state: [x, z, vx, vz, theta], shape (n, 5), or None.
+            hoops_passed: hoops that count as passed already, shape (n,), or None.
+
+        Returns:
+            Observations, shape (n, components), and how all flights stand.
+        """
+        self._start(np.flatnonzero(mask))
+        if state is not None:
+            self.situation = self.situation.put(mask, replace(self.situation, state=state))
+        if hoops_passed is not None:
+            self.situation = self.situation.put(mask, replace(self.situation, hoops_passed=hoops_passed))
+        self.waits = self.waits & ~mask
+        return self._observe(), self._told()
+
+    def _observe(self) -> NDArray[np.float32]:
+        seen, disturbances = self.situation, self.course.disturbances
+        if disturbances.sensor_noise:
+            steps = seen.steps.astype(np.uint64)
+            seen = replace(seen, state=seen.state + disturbances.noise(self.seeds, self.episodes, steps))
+        return task.observe(self.scene, seen, self.course.observation)
+
+    def step(self, actions: Array) -> Flown:
+        """Fly all one step; `actions` (n, 2) are finite, and clipped to the box."""
+        control = self._late(self.course.quadrotor.control(np.clip(actions, -1.0, 1.0)))
+        before, idle = self.situation, self.waits
+        after = self.situation = task.advance(self.scene, before, control)
+        reward = task.reward(self.scene, before, after, self.course.shaped)
+        if idle.any():
+            self._begin_next(idle)
+            reward = np.where(idle, 0.0, reward)
+        terminated, truncated = self.situation.terminated, self.situation.truncated
+        self.waits = terminated | truncated
+        final_observation, final = None, None
+        if self.same_step and self.waits.any():
+            final_observation, final = self._observe(), self._told()
+            self._begin_next(self.waits)
+            self.waits = np.zeros(self.n, dtype=bool)
+        return Flown(self._observe(), reward, terminated, truncated, self._told(), final_observation, final)
+
+    def _late(self, control: Array) -> Array:
+        """Put controls into their queues and return those whose time has come; before the first, hover."""
+        slots = len(self.pending)
+        if slots == 1:
+            return control
+        rows, steps = np.arange(self.n), self.situation.steps
+        self.pending[steps % slots, rows] = control
+        due = self.pending[(steps - self.delay) % slots, rows]
+        hover = np.array([self.course.quadrotor.gravity, 0.0])
+        return np.where((self.delay > steps)[:, None], hover, due)
+
+    def _begin_next(self, mask: Mask) -> None:
+        self.episodes = self.episodes + mask.astype(np.uint64)
+        self._start(np.flatnonzero(mask))
+
+    def _start(self, rows: NDArray[np.intp]) -> None:
+        seeds, episodes = self.seeds[rows], self.episodes[rows]
+        if isinstance(self.course.problem, Distribution) or self.course.disturbances.active:
+            self.scene = self.scene.put(rows, scene_of(self.course, seeds, episodes))
+            self.delay[rows] = self.course.disturbances.draw(seeds, episodes)[2]
+        fresh, mask = task.initial(self.scene), np.zeros(self.n, dtype=bool)
+        mask[rows] = True
+        self.situation = self.situation.put(mask, fresh)
+        if (pool := self.course.starts) is not None:
+            drawn = uniform(seeds, episodes, np.uint64(START)) < self.share
+            row = (uniform(seeds, episodes, np.uint64(START + 1)) * len(pool.state)).astype(np.int64)[drawn]
+            self.situation.state[rows[drawn]] = pool.state[row]
+            self.situation.hoops_passed[rows[drawn]] = pool.hoops_passed[row]
+
+    def _told(self) -> Told:
+        now = self.situation
+        return Told(now.state.copy(), now.steps.copy(), now.hoops_passed.copy(), now.outcome.copy())
+
+
+def scene_of(course: Course, seeds: Seeds, episodes: Seeds) -> Scene:
+    """Return the scene of episodes of a course, shapes (n,): scenarios drawn if they are, disturbances too."""
+    problem, n = course.problem, len(seeds)
+    if isinstance(problem, Distribution):
+        scene = drawn_scene(problem, seeds, episodes)
+    else:
+        scene = Scene.of([problem]).repeat(n)
+    factor, wind, _ = course.disturbances.draw(seeds, episodes)
+    return replace(scene, max_steps=np.full(n, course.max_steps), thrust_factor=factor, wind=wind)
+
+
+def drawn_scene(problem: Distribution, seeds: Seeds, episodes: Seeds) -> Scene:
+    """Return the scene of drawn scenarios."""
+    rows, n, most = problem.draw(seeds, episodes), len(seeds), problem.hoops[1]
+    goal, count, hoops = rows[:, 0:2], rows[:, 2].astype(np.int64), rows[:, PLACED:].reshape(n, most, PER_HOOP)
+    there = np.arange(most) < count[:, None]
+    hoops = np.where(there[:, :, None], hoops, 0.0)
+    points = np.concatenate([np.zeros((n, 1, 2)), goal[:, None], hoops[:, :, 0:2]], axis=1)
+    direction = np.stack([np.cos(hoops[:, :, 2]), np.sin(hoops[:, :, 2])], axis=-1)
+    return Scene(
+        quadrotor=problem.quadrotor,
+        tolerance=problem.tolerance,
+        dt=problem.dt,
+        start=np.zeros((n, 2)),
+        goal=goal,
+        hoop_centre=hoops[:, :, 0:2],
+        hoop_direction=np.where(there[:, :, None], direction, 0.0),
+        hoop_diameter=hoops[:, :, 3],
+        hoop_count=count,
+        floor=np.full(n, -np.inf),
+        ceiling=np.full(n, np.inf),
+        bounds=np.concatenate([points.min(axis=1) - BOUNDS_MARGIN, points.max(axis=1) + BOUNDS_MARGIN], axis=1),
+        max_steps=np.full(n, problem.max_steps),
+        thrust_factor=np.ones(n),
+        wind=np.zeros((n, 2)),
+    )
+
+
+def fleet_of(course: Course, n: int, same_step: bool = False) -> Fleet:
+    """Return a fleet: compiled where numba is installed."""
+    if find_spec("numba") is None:
+        return Fleet(course, n, same_step)
+    from flatgym.compiled import CompiledFleet
+
+    return CompiledFleet(course, n, same_step)

@@ -1,0 +1,59 @@
+"""How an episode begins: seeds and options of `reset`, checked, for one flight and for many alike."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flatgym.course import check_states
+from flatgym.fleet import Begun, Fleet, Mask, Seeds
+
+OPTIONS = ("state", "hoops_passed")
+
+
+def begin(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any], known: tuple[str, ...]) -> Begun:
+    """Begin the next episodes under `mask`, or the first of `seeds`, as the options say.
+
+    Args:
+        fleet: n flights.
+        mask: whose episodes begin, shape (n,).
+        seeds: new seeds, shape (n,), or None to go on with the old ones.
+        options: "state", five numbers or (n, 5), and "hoops_passed", a number or (n,).
+        known: names of all options there are, for the message.
+
+    Raises:
+        ValueError: for unknown options, and for values of a wrong shape or range; nothing has changed then.
+    """
+    unknown = set(options) - set(OPTIONS)
+    if unknown:
+        raise ValueError(f"unknown reset options {sorted(unknown, key=str)}; known: {', '.join(known)}")
+    before = fleet.seeds, fleet.episodes
+    fleet.reseed(mask, seeds)
+    try:
+        state, passed = _state(fleet, options), _hoops_passed(fleet, mask, options)
+    except ValueError:
+        fleet.seeds, fleet.episodes = before
+        raise
+    return fleet.reset(mask, state, passed)
+
+
+def _state(fleet: Fleet, options: dict[str, Any]) -> Any:
+    if "state" not in options:
+        return None
+    shape = (fleet.n,) if np.ndim(options["state"]) > 1 else ()
+    return np.broadcast_to(check_states(options["state"], shape, "options['state']"), (fleet.n, 5))
+
+
+def _hoops_passed(fleet: Fleet, mask: Mask, options: dict[str, Any]) -> Any:
+    if "hoops_passed" not in options:
+        return None
+    value, counts = np.asarray(options["hoops_passed"]), fleet.hoop_counts()
+    if value.shape not in ((), (fleet.n,)) or value.dtype.kind not in "iu":
+        raise ValueError(f"options['hoops_passed'] must be a whole number or one for each of {fleet.n}, got {value!r}")
+    passed = np.broadcast_to(value, (fleet.n,))
+    wrong = mask & ((passed < 0) | (passed > counts))
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise ValueError(f"options['hoops_passed'] must lie in 0..{counts[i]}, got {int(passed[i])}")
+    return passed.astype(np.int64)
