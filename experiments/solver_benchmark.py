@@ -9,29 +9,27 @@ SECTIONS.
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
-import statistics
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
+from collections.abc import Sequence
 from pathlib import Path
 
 import joblib
 import numpy as np
-from rich.progress import Progress, TaskID
 
 import optimal
-from agents.evaluate import versions
-from experiments import batch_benchmark, bound_benchmark, flat_benchmark
-from experiments.benchmarking import REFERENCE_TIMES, Advance, Row, convergence_order, random_goal
-from experiments.files import SCHEMA, write_json
+from experiments import batch_benchmark, benchmarking, bound_benchmark, flat_benchmark
+from experiments.benchmarking import (
+    REFERENCE_TIMES,
+    Advance,
+    Row,
+    Section,
+    convergence_order,
+    fresh_process,
+    median,
+    random_goal,
+)
 from experiments.rockit_peer import rockit_solver
 from flatgym import SCENARIOS, Scenario
-from optimal.export import free
 from optimal.search import AGREEMENT
 from optimal.shooting import NODES, shoot
 
@@ -131,19 +129,12 @@ def speed(quick: bool, advance: Advance) -> list[Row]:
         rows.append({"what": name, "nodes": nodes, "time_s": duration, "iterations": iterations, **median(taken)})
     taken = []
     for i in range(imports):
-        begun = time.perf_counter()
-        subprocess.run([sys.executable, "-c", "import optimal"], check=True)
-        taken.append(time.perf_counter() - begun)
+        taken.append(fresh_process("import optimal"))
         advance(runs + i + 1, runs + imports)
     return [*rows, {"what": "import optimal", **median(taken)}]
 
 
-def median(taken: Sequence[float]) -> Row:
-    """Return median, least and number of wall times [s]."""
-    return {"median_s": statistics.median(taken), "least_s": min(taken), "runs": len(taken)}
-
-
-SECTIONS: dict[str, Callable[[bool, Advance], list[Row]]] = {
+SECTIONS: dict[str, Section] = {
     "references": references,
     "starts": starts,
     "orders": orders,
@@ -164,67 +155,10 @@ SECTIONS: dict[str, Callable[[bool, Advance], list[Row]]] = {
 }
 
 
-def run(sections: Sequence[str], *, quick: bool, command: str, bar: Progress) -> Row:
-    """Run sections of the benchmark.
-
-    Args:
-        sections: names in SECTIONS.
-        quick: small sizes, to see that everything runs.
-        command: what the user typed, for the record.
-        bar: shows how far the work is.
-
-    Returns:
-        What the results file holds.
-    """
-    results: Row = {
-        "schema": SCHEMA,
-        "quick": quick,
-        "versions": versions(),
-        "machine": {"processor": platform.machine(), "system": platform.system(), "cores": joblib.cpu_count()},
-        "sections": {},
-    }
-    for name in sections:
-        task: TaskID = bar.add_task(name, total=None)
-        begun = time.perf_counter()
-        rows = SECTIONS[name](quick, lambda done, of, task=task: bar.update(task, completed=done, total=of))  # type: ignore[misc]
-        results["sections"][name] = {
-            "rows": rows,
-            "command": command,
-            "date": datetime.now(UTC).isoformat(timespec="seconds"),
-            "wall_time_s": time.perf_counter() - begun,
-        }
-    return results
-
-
-def joined(path: Path, results: Row) -> Row:
-    """Return results with the other sections of a file of the same kind, versions and machine, if there is one."""
-    if not path.exists():
-        return results
-    try:
-        before = json.loads(path.read_text(encoding="utf-8"))
-        alike = all(before[key] == results[key] for key in results if key != "sections")
-    except (ValueError, TypeError, KeyError):
-        alike = False
-    if not alike:
-        aside = free(path.with_name(f"{path.name}.set-aside"))
-        path.replace(aside)
-        print(f"{path} is damaged, or of other versions, sizes or another machine; set aside as {aside.name}")
-        return results
-    return results | {"sections": before["sections"] | results["sections"]}
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the script; see the module's docstring."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.solver_benchmark", description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=Path("experiments/results/solvers.json"), help="the JSON to write")
-    parser.add_argument("--quick", action="store_true", help="small sizes, to see that everything runs")
-    parser.add_argument("--section", nargs="+", choices=list(SECTIONS), default=list(SECTIONS), help="which to run")
-    given = parser.parse_args(arguments)
-    command = " ".join(["python -m experiments.solver_benchmark", *(sys.argv[1:] if arguments is None else arguments)])
-    with Progress() as bar:
-        results = run(given.section, quick=given.quick, command=command, bar=bar)
-    write_json(given.out, joined(given.out, results))
-    print(f"{', '.join(given.section)} written to {given.out}")
+    out = Path("experiments/results/solvers.json")
+    benchmarking.main("experiments.solver_benchmark", __doc__, SECTIONS, out, arguments)
 
 
 if __name__ == "__main__":

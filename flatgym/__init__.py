@@ -3,12 +3,27 @@
 import gymnasium as gym
 
 from flatgym.catalogue import SCENARIOS, scenario
+from flatgym.distributions import DISTRIBUTIONS, Distribution
+from flatgym.disturbances import Disturbances
 from flatgym.quadrotor import Quadrotor
 from flatgym.scenario import Hoop, Scenario, Tolerance
 from flatgym.scene import OUTCOMES
-from flatgym.task import OBSERVATION_NAMES
+from flatgym.task import OBSERVATION_NAMES, observation_names
 
-__all__ = ["OBSERVATION_NAMES", "OUTCOMES", "SCENARIOS", "Hoop", "Quadrotor", "Scenario", "Tolerance", "scenario"]
+__all__ = [
+    "DISTRIBUTIONS",
+    "OBSERVATION_NAMES",
+    "OUTCOMES",
+    "SCENARIOS",
+    "Distribution",
+    "Disturbances",
+    "Hoop",
+    "Quadrotor",
+    "Scenario",
+    "Tolerance",
+    "observation_names",
+    "scenario",
+]
 __version__ = "0.1.0"
 
 gym.register(

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+from dataclasses import asdict, replace
 
 import numpy as np
 
-from flatgym import kernels
 from flatgym.distributions import Distribution
-from flatgym.fleet import Begun, Fleet, Flown, Mask, Told
-from flatgym.kernels import BLOCK, ROWS, SETTINGS
+from flatgym.fleet import RECORD, Begun, Fleet, Flown, Mask
+from flatgym.kernels import layout, passes
+from flatgym.kernels.layout import BLOCK, ROWS, SETTINGS
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario, Tolerance
 from flatgym.scene import Integers
@@ -25,20 +24,24 @@ class CompiledFleet(Fleet):
         self.columns = len(observation_names(course.observation))
         blocks = -(-n // BLOCK)
         self.flat = np.zeros(blocks * ROWS * BLOCK)
+        # Whole blocks are flown, so that no vehicle's arithmetic depends on its place in a batch.
+        self._padded = np.zeros((blocks * BLOCK, 2))
+        self.actions = self._padded[:n]
         self.hoops = np.zeros((n, course.hoops_most, 5))
         self.pending = np.zeros((n, course.disturbances.action_delay + 1, 2))
-        if isinstance(course.problem, Scenario):
-            self._lay_out(course.problem)
-        else:
+        self.pool, self.numbers = np.zeros((0, 6)), np.zeros(8)
+        if course.starts is not None:
+            self.pool = np.column_stack([course.starts.state, course.starts.hoops_passed])
+        if isinstance(course.problem, Distribution):
+            self.numbers[:] = course.problem.numbers
             self._put(FLOOR_Z=-np.inf, CEILING_Z=np.inf)
-        starts = course.starts
-        pool = (np.zeros((0, 5)), np.zeros(0, dtype=np.int64))
-        if starts is not None:
-            pool = (starts.state, starts.hoops_passed)
-        numbers = course.problem.numbers if isinstance(course.problem, Distribution) else (0.0,) * 8
+        else:
+            self._lay_out(course.problem)
         self.settings = np.zeros(1, dtype=SETTINGS)
         self._set()
-        self.world = (self.settings, numbers, *pool)
+        nobody = 1 if self.same_step else 0
+        self._last = (n * nobody, self.columns), (len(RECORD), n * nobody)
+        self._fixed = (self.flat, self.ids, self.hoops, self.pool, self.settings, self.numbers)
 
     def _lay_out(self, scenario: Scenario) -> None:
         low_x, low_z, high_x, high_z = scenario.bounds
@@ -61,21 +64,16 @@ class CompiledFleet(Fleet):
     def _put(self, **rows: float) -> None:
         table = self.flat.reshape(-1, ROWS, BLOCK)
         for name, value in rows.items():
-            table[:, int(getattr(kernels, name)) // BLOCK] = value
+            table[:, int(getattr(layout, name)) // BLOCK] = value
 
     def _set(self) -> None:
-        course, quadrotor, tolerance = self.course, self.course.quadrotor, self.course.tolerance
-        values: dict[str, Any] = {
+        """Write the course to the record which the kernels read."""
+        course = self.course
+        values = asdict(course.quadrotor) | asdict(course.tolerance) | asdict(course.disturbances)
+        values |= {
             "dt": course.dt,
-            "thrust_min": quadrotor.thrust_min,
-            "thrust_max": quadrotor.thrust_max,
-            "rate_max": quadrotor.rate_max,
-            "gravity": quadrotor.gravity,
-            "radius": quadrotor.radius,
-            "position": tolerance.position,
-            "speed": tolerance.speed,
-            "angle": tolerance.angle,
-            "max_steps": course.max_steps,
+            "max_steps": course.problem.max_steps,
+            "last_step": course.last_step,
             "share": self.share,
             "shaped": course.shaped,
             "features": course.observation == "features",
@@ -83,8 +81,6 @@ class CompiledFleet(Fleet):
             "disturbed": bool(course.disturbances.active),
             "same_step": self.same_step,
         }
-        for name in ("wind", "thrust_gain", "mass", "action_delay", "sensor_noise"):
-            values[name] = getattr(course.disturbances, name)
         for name, value in values.items():
             self.settings[name] = value
 
@@ -100,32 +96,22 @@ class CompiledFleet(Fleet):
 
     def reset(self, mask: Mask, state: Array | None = None, hoops_passed: Integers | None = None) -> Begun:
         """Begin episodes; see `Fleet.reset`."""
-        given = np.full((self.n, 6), np.nan)
+        given = np.full((self.n, 7), np.nan)
+        given[:, 0] = mask
         if state is not None:
-            given[:, 0:5] = state
+            given[:, 1:6] = state
         if hoops_passed is not None:
-            given[:, 5] = hoops_passed
-        begun = np.empty((self.n, self.columns), dtype=np.float32), _blank(self.n)
-        kernels.reset(self.flat, self.seeds, self.episodes, self.hoops, self.world, mask, given, *begun)
+            given[:, 6] = hoops_passed
+        begun = np.empty((self.n, self.columns), dtype=np.float32), np.empty((len(RECORD), self.n))
+        passes.reset(*self._fixed, given, *begun)
         return begun
 
-    def step(self, actions: Array) -> Flown:
+    def step(self) -> Flown:
         """Fly all one step; see `Fleet.step`."""
-        n = self.n
-        flown = Flown(
-            np.empty((n, self.columns), dtype=np.float32),
-            np.empty(n),
-            np.empty(n, dtype=np.bool_),
-            np.empty(n, dtype=np.bool_),
-            _blank(n),
-            np.empty((n if self.same_step else 0, self.columns), dtype=np.float32),
-            _blank(n if self.same_step else 0),
-        )
-        ended = kernels.step(
-            self.flat, self.seeds, self.episodes, self.hoops, self.world, self.pending, actions, *flown
-        )
-        return flown if ended and self.same_step else flown._replace(final_observation=None, final=None)
-
-
-def _blank(n: int) -> Told:
-    return Told(np.empty((n, 5)), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int8))
+        observation = np.empty((self.n, self.columns), dtype=np.float32)
+        record = np.empty((len(RECORD), self.n))
+        final_observation, final = np.empty(self._last[0], dtype=np.float32), np.empty(self._last[1])
+        ended = passes.step(*self._fixed, self.pending, self._padded, observation, record, final_observation, final)
+        if ended and self.same_step:
+            return Flown(observation, record, final_observation, final)
+        return Flown(observation, record)

@@ -74,7 +74,7 @@ class Course:
         observation: "features" or "state".
         disturbances: what stands against the vehicle.
         starts: where episodes begin in training; only with a scenario.
-        steps_most: truncate after so many steps instead of the problem's time limit.
+        steps_most: truncate after so many steps, should that be sooner than the problem's time limit.
 
     Raises:
         ValueError: naming the argument, its value and what is allowed.
@@ -122,9 +122,9 @@ class Course:
         return self.problem.dt
 
     @property
-    def max_steps(self) -> int:
-        """The number of steps after which a flight is truncated."""
-        return self.steps_most or self.problem.max_steps
+    def last_step(self) -> int:
+        """The number of steps after which a flight is truncated; rewards and the time seen know the time limit only."""
+        return min(self.steps_most or STEPS_MOST, self.problem.max_steps)
 
     @property
     def hoops_most(self) -> int:

@@ -13,11 +13,12 @@ from flatgym import catalogue
 from flatgym.catalogue import DEFAULT_SCENARIO, ProblemLike
 from flatgym.course import Course, Starts
 from flatgym.disturbances import Disturbances
-from flatgym.fleet import Told, fleet_of
+from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, fleet_of
 from flatgym.quadrotor import Array
-from flatgym.resetting import OPTIONS, begin
+from flatgym.rendering.film import Film
+from flatgym.resetting import OPTIONS, begin, check_seed
 from flatgym.scenario import Scenario
-from flatgym.scene import FLYING, GOAL, OUTCOMES
+from flatgym.scene import FLYING, GOAL, OUTCOMES, TIME_LIMIT
 from flatgym.task import observation_names
 
 Observation = NDArray[np.float32]
@@ -36,16 +37,16 @@ def action_space() -> gym.Space[Any]:
     return gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
-def check_actions(actions: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return actions as floats; a ValueError for a wrong shape, NaN or infinity."""
-    values = np.asarray(actions, dtype=np.float64)
-    if values.shape != shape:
-        raise ValueError(f"actions must have shape {shape}, got {values.shape}")
-    # The sum is finite if all are, and almost always only then.
-    if not math.isfinite(values.sum()) and not np.isfinite(values).all():
-        where = [tuple(map(int, index)) for index in np.argwhere(~np.isfinite(values))[:5]]
-        raise ValueError(f"actions must be finite, got {values[~np.isfinite(values)][:5]} at indices {where}")
-    return values
+def take_actions(actions: ArrayLike, into: Array) -> None:
+    """Copy actions into an array of their shape; a ValueError for a wrong shape, NaN or infinity."""
+    values = np.asarray(actions)
+    if values.shape != into.shape:
+        raise ValueError(f"actions must have shape {into.shape}, got {values.shape}")
+    into[...] = values
+    # The sum is finite only if all are.
+    if not math.isfinite(np.add.reduce(into, axis=None)) and not np.isfinite(into).all():
+        where = [tuple(map(int, index)) for index in np.argwhere(~np.isfinite(into))[:5]]
+        raise ValueError(f"actions must be finite, got {into[~np.isfinite(into)][:5]} at indices {where}")
 
 
 class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
@@ -132,7 +133,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     v0: first release.
     """
 
-    metadata = {"render_modes": []}
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 50}
 
     def __init__(
         self,
@@ -146,15 +147,16 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         action_delay: int = 0,
         sensor_noise: float = 0.0,
         starts: Starts | None = None,
+        ghost: bool | ArrayLike = False,
         render_mode: str | None = None,
     ) -> None:
         disturbances = Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise)
         self.course = Course(catalogue.problem(scenario), reward, observation, disturbances, starts)
+        self.film = Film(self.course.problem, render_mode, ghost, scored=not disturbances.active)
         self.fleet = fleet_of(self.course, 1)
         self.render_mode = render_mode
         self.observation_space = observation_space(observation)
         self.action_space = action_space()
-        self._actions = np.zeros((1, 2))
         self._outcome: int | None = None
 
     @property
@@ -169,13 +171,14 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Start a new flight; see the class for the options."""
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else check_seed(seed))
         if seed is None and self._outcome is None:
             seed = int(self.np_random.integers(2**63))
         seeds = None if seed is None else np.array([seed], dtype=np.uint64)
-        observation, told = begin(self.fleet, ALL, seeds, options or {}, OPTIONS)
-        self._outcome = FLYING
-        return observation[0], self._info(told)
+        observation, record = begin(self.fleet, ALL, seeds, options or {}, OPTIONS)
+        self._outcome, info = FLYING, self._info(record[:, 0].tolist())
+        self.film.begin(self.scenario, info)
+        return observation[0], info
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Fly one step of dt; raises ResetNeeded before the first reset and after the end."""
@@ -184,24 +187,29 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
                 raise gym.error.ResetNeeded("call reset() before the first step()")
             word = OUTCOMES[self._outcome]
             raise gym.error.ResetNeeded(f"the flight has ended ({word!r}); call reset() before the next step()")
-        self._actions[0] = check_actions(action, (2,))
-        flown = self.fleet.step(self._actions)
-        self._outcome = int(flown.told.outcome[0])
-        return (
-            flown.observation[0],
-            float(flown.reward[0]),
-            bool(flown.terminated[0]),
-            bool(flown.truncated[0]),
-            self._info(flown.told),
-        )
+        take_actions(action, self.fleet.actions[0])
+        observation, record, *_ = self.fleet.step()
+        row = record[:, 0].tolist()
+        info, end = self._info(row), int(row[END])
+        self._outcome = end
+        self.film.add(action, info)
+        return observation[0], row[REWARD], end not in (FLYING, TIME_LIMIT), end == TIME_LIMIT, info
 
-    def _info(self, told: Told) -> dict[str, Any]:
-        steps, outcome = int(told.steps[0]), int(told.outcome[0])
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture of the flight so far, shape (720, 960, 3); None in a window, which shows every step."""
+        return self.film.draw()
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        self.film.close()
+
+    def _info(self, row: list[float]) -> dict[str, Any]:
+        steps, outcome = int(row[STEPS]), int(row[OUTCOME])
         return {
-            "state": told.state[0],
+            "state": np.array(row[0:5]),
             "time": steps * self.course.dt,
             "steps": steps,
-            "hoops_passed": int(told.hoops_passed[0]),
+            "hoops_passed": int(row[HOOPS_PASSED]),
             "is_success": outcome == GOAL,
             "outcome": OUTCOMES[outcome],
         }

@@ -19,31 +19,15 @@ from flatgym.distributions import PER_HOOP, PLACED, Distribution
 from flatgym.draws import START, uniform
 from flatgym.quadrotor import Array
 from flatgym.scenario import BOUNDS_MARGIN, Scenario, Tolerance
-from flatgym.scene import GOAL, OUTCOMES, Integers, Scene
+from flatgym.scene import FLYING, Integers, Scene
 
 Mask = NDArray[np.bool_]
 Seeds = NDArray[np.uint64]
-WORDS = np.array(OUTCOMES, dtype=object)
 
 
-class Told(NamedTuple):
-    """How n flights stand: states (n, 5), steps, hoops passed and outcomes (n,), as in Situation."""
-
-    state: Array
-    steps: Integers
-    hoops_passed: Integers
-    outcome: NDArray[Any]
-
-    def info(self, dt: float) -> dict[str, Any]:
-        """Return what the environments' `info` says, each with leading axis n."""
-        return {
-            "state": self.state,
-            "time": self.steps * dt,
-            "steps": self.steps,
-            "hoops_passed": self.hoops_passed,
-            "is_success": self.outcome == GOAL,
-            "outcome": WORDS[self.outcome],
-        }
+RECORD = ("x", "z", "vx", "vz", "theta", "steps", "hoops_passed", "outcome", "reward", "end")
+"""Rows of a record: how flights stand, the reward of the step, and the outcome if the step ended the flight, else 0."""
+STEPS, HOOPS_PASSED, OUTCOME, REWARD, END = range(5, 10)
 
 
 class Flown(NamedTuple):
@@ -51,22 +35,18 @@ class Flown(NamedTuple):
 
     Attributes:
         observation: shape (n, components), float32.
-        reward, terminated, truncated: shape (n,).
-        told: how the flights stand, after those that ended have begun anew if they do so within the step.
-        final_observation, final: observation and standing of the flights that ended, right in their rows only; None
-            when no flight ended, or when none begins anew within the step.
+        record: rows as in RECORD, shape (10, n); who ended has begun anew in it, if that happens within the step.
+        final_observation, final: observations and record before that, right for the flights that ended only; None when
+            none did, or when none begins anew within the step.
     """
 
     observation: NDArray[np.float32]
-    reward: Array
-    terminated: Mask
-    truncated: Mask
-    told: Told
+    record: Array
     final_observation: NDArray[np.float32] | None = None
-    final: Told | None = None
+    final: Array | None = None
 
 
-Begun = tuple[NDArray[np.float32], Told]
+Begun = tuple[NDArray[np.float32], Array]
 
 
 class Fleet:
@@ -77,13 +57,27 @@ class Fleet:
         n: number of flights.
         same_step: whether a flight that ends begins anew within the step; otherwise the next step does it, ignoring
             its action.
+
+    Attributes:
+        actions: finite actions for the next step, shape (n, 2); they are clipped to the box.
     """
 
     def __init__(self, course: Course, n: int, same_step: bool = False) -> None:
         self.course, self.n, self.same_step = course, n, same_step
         self.share = course.starts.share if course.starts else 0.0
-        self.seeds, self.episodes = np.zeros(n, dtype=np.uint64), np.zeros(n, dtype=np.uint64)
+        self.ids = np.zeros((2, n), dtype=np.uint64)
+        self.actions = np.zeros((n, 2))
         self._prepare()
+
+    @property
+    def seeds(self) -> Seeds:
+        """The seeds of the flights, shape (n,)."""
+        return self.ids[0]
+
+    @property
+    def episodes(self) -> Seeds:
+        """The numbers of their present episodes, shape (n,)."""
+        return self.ids[1]
 
     def _prepare(self) -> None:
         self.scene = scene_of(self.course, self.seeds, self.episodes)
@@ -103,10 +97,10 @@ class Fleet:
 
     def reseed(self, mask: Mask, seeds: Seeds | None) -> None:
         """Number the episodes that begin next under `mask`: the first of new seeds (n,), or the next of the old."""
-        if seeds is not None:
-            self.seeds, self.episodes = np.where(mask, seeds, self.seeds), np.where(mask, np.uint64(0), self.episodes)
+        if seeds is None:
+            self.ids[1, mask] += np.uint64(1)
         else:
-            self.episodes = self.episodes + mask.astype(np.uint64)
+            self.ids[0, mask], self.ids[1, mask] = seeds[mask], np.uint64(0)
 
     def hoop_counts(self) -> Integers:
         """Return the number of hoops of the present episodes, shape (n,), before they have begun."""
@@ -124,7 +118,7 @@ class Fleet:
             hoops_passed: hoops that count as passed already, shape (n,), or None.
 
         Returns:
-            Observations, shape (n, components), and how all flights stand.
+            Observations, shape (n, components), and the record of all flights, shape (10, n).
         """
         self._start(np.flatnonzero(mask))
         if state is not None:
@@ -132,7 +126,7 @@ class Fleet:
         if hoops_passed is not None:
             self.situation = self.situation.put(mask, replace(self.situation, hoops_passed=hoops_passed))
         self.waits = self.waits & ~mask
-        return self._observe(), self._told()
+        return self._observe(), self._record(np.zeros(self.n), np.zeros(self.n))
 
     def _observe(self) -> NDArray[np.float32]:
         seen, disturbances = self.situation, self.course.disturbances
@@ -141,23 +135,21 @@ class Fleet:
             seen = replace(seen, state=seen.state + disturbances.noise(self.seeds, self.episodes, steps))
         return task.observe(self.scene, seen, self.course.observation)
 
-    def step(self, actions: Array) -> Flown:
-        """Fly all one step; `actions` (n, 2) are finite, and clipped to the box."""
-        control = self._late(self.course.quadrotor.control(np.clip(actions, -1.0, 1.0)))
+    def step(self) -> Flown:
+        """Fly all one step under `actions`."""
+        control = self._late(self.course.quadrotor.control(np.clip(self.actions, -1.0, 1.0)))
         before, idle = self.situation, self.waits
         after = self.situation = task.advance(self.scene, before, control)
-        reward = task.reward(self.scene, before, after, self.course.shaped)
+        reward = np.where(idle, 0.0, task.reward(self.scene, before, after, self.course.shaped))
+        end = np.where(idle, FLYING, after.outcome)
         if idle.any():
             self._begin_next(idle)
-            reward = np.where(idle, 0.0, reward)
-        terminated, truncated = self.situation.terminated, self.situation.truncated
-        self.waits = terminated | truncated
-        final_observation, final = None, None
+        self.waits, final_observation, final = end != FLYING, None, None
         if self.same_step and self.waits.any():
-            final_observation, final = self._observe(), self._told()
+            final_observation, final = self._observe(), self._record(reward, end)
             self._begin_next(self.waits)
             self.waits = np.zeros(self.n, dtype=bool)
-        return Flown(self._observe(), reward, terminated, truncated, self._told(), final_observation, final)
+        return Flown(self._observe(), self._record(reward, end), final_observation, final)
 
     def _late(self, control: Array) -> Array:
         """Put controls into their queues and return those whose time has come; before the first, hover."""
@@ -171,7 +163,7 @@ class Fleet:
         return np.where((self.delay > steps)[:, None], hover, due)
 
     def _begin_next(self, mask: Mask) -> None:
-        self.episodes = self.episodes + mask.astype(np.uint64)
+        self.ids[1, mask] += np.uint64(1)
         self._start(np.flatnonzero(mask))
 
     def _start(self, rows: NDArray[np.intp]) -> None:
@@ -188,9 +180,9 @@ class Fleet:
             self.situation.state[rows[drawn]] = pool.state[row]
             self.situation.hoops_passed[rows[drawn]] = pool.hoops_passed[row]
 
-    def _told(self) -> Told:
+    def _record(self, reward: Array, end: NDArray[Any]) -> Array:
         now = self.situation
-        return Told(now.state.copy(), now.steps.copy(), now.hoops_passed.copy(), now.outcome.copy())
+        return np.vstack([now.state.T, now.steps, now.hoops_passed, now.outcome, reward, end])
 
 
 def scene_of(course: Course, seeds: Seeds, episodes: Seeds) -> Scene:
@@ -201,7 +193,7 @@ def scene_of(course: Course, seeds: Seeds, episodes: Seeds) -> Scene:
     else:
         scene = Scene.of([problem]).repeat(n)
     factor, wind, _ = course.disturbances.draw(seeds, episodes)
-    return replace(scene, max_steps=np.full(n, course.max_steps), thrust_factor=factor, wind=wind)
+    return replace(scene, last_step=np.full(n, course.last_step), thrust_factor=factor, wind=wind)
 
 
 def drawn_scene(problem: Distribution, seeds: Seeds, episodes: Seeds) -> Scene:
@@ -226,6 +218,7 @@ def drawn_scene(problem: Distribution, seeds: Seeds, episodes: Seeds) -> Scene:
         ceiling=np.full(n, np.inf),
         bounds=np.concatenate([points.min(axis=1) - BOUNDS_MARGIN, points.max(axis=1) + BOUNDS_MARGIN], axis=1),
         max_steps=np.full(n, problem.max_steps),
+        last_step=np.full(n, problem.max_steps),
         thrust_factor=np.ones(n),
         wind=np.zeros((n, 2)),
     )

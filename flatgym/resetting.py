@@ -28,14 +28,21 @@ def begin(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any]
     unknown = set(options) - set(OPTIONS)
     if unknown:
         raise ValueError(f"unknown reset options {sorted(unknown, key=str)}; known: {', '.join(known)}")
-    before = fleet.seeds, fleet.episodes
+    before = fleet.ids.copy()
     fleet.reseed(mask, seeds)
     try:
         state, passed = _state(fleet, options), _hoops_passed(fleet, mask, options)
     except ValueError:
-        fleet.seeds, fleet.episodes = before
+        fleet.ids[:] = before
         raise
     return fleet.reset(mask, state, passed)
+
+
+def check_seed(seed: Any) -> int:
+    """Return a seed as a number; a ValueError for what is none."""
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**63:
+        raise ValueError(f"a seed must be a whole number in 0..2^63 - 1, got {seed!r}")
+    return int(seed)
 
 
 def _state(fleet: Fleet, options: dict[str, Any]) -> Any:

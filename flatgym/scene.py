@@ -35,7 +35,8 @@ class Scene:
         hoop_count: number of hoops, shape (n,).
         floor, ceiling: heights [m], shape (n,); infinite where there is none.
         bounds: least x, least z, greatest x, greatest z [m], shape (n, 4).
-        max_steps: steps after which a flight is truncated, shape (n,).
+        max_steps: steps of the time limit, shape (n,).
+        last_step: steps after which a flight is truncated, shape (n,); sooner than the time limit if one wants it so.
         thrust_factor: by which the commanded thrust is multiplied, shape (n,).
         wind: acceleration by the wind [m/s^2], shape (n, 2).
     """
@@ -53,6 +54,7 @@ class Scene:
     ceiling: Array
     bounds: Array
     max_steps: Integers
+    last_step: Integers
     thrust_factor: Array
     wind: Array
 
@@ -86,6 +88,7 @@ class Scene:
             ceiling=np.array([np.inf if s.ceiling is None else s.ceiling for s in scenarios]),
             bounds=np.array([s.bounds for s in scenarios]),
             max_steps=np.array([s.max_steps for s in scenarios]),
+            last_step=np.array([s.max_steps for s in scenarios]),
             thrust_factor=np.ones(n),
             wind=np.zeros((n, 2)),
         )

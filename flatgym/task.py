@@ -114,7 +114,7 @@ def outcome(scene: Scene, arc: Arc, after: Situation) -> Integers:
     """
     x, z = after.state[:, 0], after.state[:, 1]
     low_x, low_z, high_x, high_z = scene.bounds.T
-    code = np.where(after.steps >= scene.max_steps, TIME_LIMIT, FLYING)
+    code = np.where(after.steps >= scene.last_step, TIME_LIMIT, FLYING)
     code = np.where(arrived(scene, after), GOAL, code)
     code = np.where((x < low_x) | (x > high_x) | (z < low_z) | (z > high_z), OUT_OF_BOUNDS, code)
     up = np.array([0.0, 1.0])

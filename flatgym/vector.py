@@ -22,10 +22,14 @@ from flatgym import catalogue
 from flatgym.catalogue import DEFAULT_SCENARIO, Problem, ProblemLike
 from flatgym.course import Course, Starts
 from flatgym.disturbances import Disturbances
-from flatgym.env import action_space, check_actions, observation_space
-from flatgym.fleet import Flown, Mask, Seeds, Told, fleet_of
-from flatgym.resetting import OPTIONS, begin
+from flatgym.env import action_space, observation_space, take_actions
+from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, Flown, Mask, Seeds, fleet_of
+from flatgym.quadrotor import Array
+from flatgym.resetting import OPTIONS, begin, check_seed
 from flatgym.scenario import Tolerance
+from flatgym.scene import FLYING, GOAL, OUTCOMES, TIME_LIMIT
+
+WORDS = np.array(OUTCOMES, dtype=object)
 
 
 class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
@@ -36,7 +40,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         scenario, reward, observation, starts: as in FlatQuadEnv.
         wind, thrust_gain, mass, action_delay, sensor_noise: disturbances, as in FlatQuadEnv, each vehicle its own.
         autoreset_mode: NEXT_STEP (default), SAME_STEP or DISABLED.
-        max_episode_steps: truncate after so many steps instead of the scenario's time limit.
+        max_episode_steps: truncate after so many steps, should that be sooner than the scenario's time limit.
         render_mode: must be None; render with the scalar environment.
     """
 
@@ -75,8 +79,9 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.fleet = fleet_of(self.course, num_envs, self.autoreset_mode == AutoresetMode.SAME_STEP)
-        self._actions = np.zeros((num_envs, 2))
         self._all = np.ones(num_envs, dtype=bool)
+        self._all.flags.writeable = False  # it is handed out as the mask of every info
+        self._flying = np.full(num_envs, OUTCOMES[FLYING], dtype=object)
         self._begun = False
         self._ended: Mask = np.zeros(num_envs, dtype=bool)
 
@@ -102,15 +107,15 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             seed: of the first vehicle, the others counting on from it; or one for each.
             options: as in the scalar environment, for all or for each; and "reset_mask", who starts anew, shape (n,).
         """
-        options = dict(options or {})
+        options, seed = dict(options or {}), seed.tolist() if isinstance(seed, np.ndarray) else seed
         mask = self._all if options.get("reset_mask") is None else self._check_mask(options["reset_mask"])
         options.pop("reset_mask", None)
         if not (self._begun or mask.all()):
             raise gym.error.ResetNeeded("the first reset() must start all flights, without a reset_mask")
         super().reset(seed=None if seed is None or isinstance(seed, Sequence) else int(seed))
-        observation, told = begin(self.fleet, mask, self._seeds(seed), options, (*OPTIONS, "reset_mask"))
+        observation, record = begin(self.fleet, mask, self._seeds(seed), options, (*OPTIONS, "reset_mask"))
         self._begun, self._ended = True, self._ended & ~mask
-        return observation, self._infos(told, self._all)
+        return observation, self._infos(record, self._all)
 
     def step(
         self, actions: ArrayLike
@@ -118,39 +123,46 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         """Fly all vehicles one step; shapes (n, 2) -> (n, 19), (n,), (n,), (n,)."""
         if not self._begun:
             raise gym.error.ResetNeeded("call reset() before the first step()")
-        np.copyto(self._actions, check_actions(actions, (self.num_envs, 2)))
+        take_actions(actions, self.fleet.actions)
         if self.autoreset_mode == AutoresetMode.DISABLED and self._ended.any():
             raise gym.error.ResetNeeded(
                 f"flights {np.flatnonzero(self._ended)[:5].tolist()} have ended; reset them first"
             )
-        flown = self.fleet.step(self._actions)
-        infos = self._infos(flown.told, self._all)
+        flown = self.fleet.step()
+        end, infos = flown.record[END], self._infos(flown.record, self._all)
+        truncated = end == TIME_LIMIT
+        ended = end != FLYING
         if self.autoreset_mode == AutoresetMode.DISABLED:
-            self._ended = flown.terminated | flown.truncated
+            self._ended = ended
         elif flown.final is not None:
-            infos |= self._final(flown)
-        return flown.observation, flown.reward, flown.terminated, flown.truncated, infos
+            infos |= self._final(flown, ended)
+        return flown.observation, flown.record[REWARD], ended & ~truncated, truncated, infos
 
-    def _final(self, flown: Flown) -> dict[str, Any]:
+    def _final(self, flown: Flown, ended: Mask) -> dict[str, Any]:
         assert flown.final is not None
         assert flown.final_observation is not None
-        ended = flown.terminated | flown.truncated
-        rows = np.flatnonzero(ended)
         observations = np.full(self.num_envs, None, dtype=object)
-        for i in rows:
+        for i in np.flatnonzero(ended):
             observations[i] = flown.final_observation[i]
-        final = Told(*(np.zeros_like(values) for values in flown.final))
-        for values, last in zip(final, flown.final, strict=True):
-            values[rows] = last[rows]
         return {
             "final_obs": observations,
             "_final_obs": ended,
-            "final_info": self._infos(final, ended),
+            "final_info": self._infos(np.where(ended, flown.final, 0.0), ended),
             "_final_info": ended,
         }
 
-    def _infos(self, told: Told, mask: Mask) -> dict[str, Any]:
-        infos = told.info(self.course.dt)
+    def _infos(self, record: Array, mask: Mask) -> dict[str, Any]:
+        # Almost all are flying: copying that word is faster than looking it up for each.
+        words, rows = self._flying.copy(), np.flatnonzero(record[OUTCOME])
+        words[rows] = WORDS[record[OUTCOME][rows].astype(np.intp)]
+        infos = {
+            "state": record[0:5].T,
+            "time": record[STEPS] * self.course.dt,
+            "steps": record[STEPS].astype(np.int64),
+            "hoops_passed": record[HOOPS_PASSED].astype(np.int64),
+            "is_success": record[OUTCOME] == GOAL,
+            "outcome": words,
+        }
         return infos | {f"_{key}": mask for key in infos}
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> Seeds | None:
@@ -160,11 +172,11 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
                 return None
             seed = int(self.np_random.integers(2**63))
         if not isinstance(seed, Sequence):
-            return np.uint64(seed) + np.arange(self.num_envs, dtype=np.uint64)
+            return np.uint64(check_seed(seed)) + np.arange(self.num_envs, dtype=np.uint64)
         if len(seed) != self.num_envs:
             raise ValueError(f"seed must be one number or {self.num_envs}, got {len(seed)}")
         drawn = self.np_random.integers(2**63, size=self.num_envs)
-        return np.array([drawn[i] if one is None else one for i, one in enumerate(seed)], dtype=np.uint64)
+        return np.array([drawn[i] if one is None else check_seed(one) for i, one in enumerate(seed)], dtype=np.uint64)
 
     def _check_mask(self, mask: ArrayLike) -> Mask:
         values = np.asarray(mask)

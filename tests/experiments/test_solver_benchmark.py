@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from experiments import batch_benchmark, bound_benchmark, solver_benchmark
-from experiments.benchmarking import convergence_order, random_goal
+from experiments.benchmarking import convergence_order, joined, random_goal
 from experiments.files import SCHEMA
 from experiments.rockit_peer import rockit_solver
-from experiments.solver_benchmark import SECTIONS, joined, main
+from experiments.solver_benchmark import SECTIONS, main
 from flatgym import SCENARIOS
 
 

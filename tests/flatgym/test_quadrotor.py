@@ -1,11 +1,20 @@
-"""Laws of the exact step: it solves the ODE, composes, reverses, mirrors, and has no seam at zero rate."""
+"""Laws of the exact step: it solves the ODE, composes, reverses, mirrors, and has no seam at zero rate.
+
+State [x, z, vx, vz, theta], control [thrust, rate], as `flatgym.quadrotor` has them.
+"""
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import spherical_jn
 
 from flatgym import Quadrotor
-from flatgym.quadrotor import spherical_bessel
+from flatgym.quadrotor import exact_step, spherical_bessel
+
+MIRROR_STATE, MIRROR_CONTROL = np.array([-1, 1, -1, 1, -1]), np.array([1, -1])
+BACKWARDS_STATE, BACKWARDS_CONTROL = np.array([1, 1, -1, -1, 1]), np.array([1, -1])
+LONGEST = 0.7
+"""The longest step tried [s]: more than a turn at the highest rate."""
 
 
 def draw(generator, quadrotor, n):
@@ -14,63 +23,175 @@ def draw(generator, quadrotor, n):
     return state, control
 
 
+def flown(quadrotor, state, control, h):
+    """The same flights by DOP853, as one system in the share of the step flown: each ends at its own end."""
+
+    def right_hand_side(_, parts):
+        _, _, vx, vz, theta = parts.reshape(5, -1)
+        thrust, rate = control.T
+        slopes = (vx, vz, thrust * np.sin(theta), thrust * np.cos(theta) - quadrotor.gravity, rate)
+        return (h * np.stack(np.broadcast_arrays(*slopes))).ravel()
+
+    # The solver controls an average over all flights, so that its tolerances do not bind the worst one: hence a
+    # largest share as well, in which no vehicle turns by more than 0.28 rad.
+    end = solve_ivp(right_hand_side, (0, 1), state.T.ravel(), "DOP853", [1], rtol=1e-13, atol=1e-13, max_step=1 / 25)
+    return end.y[:, -1].reshape(5, -1).T
+
+
 def test_step_solves_the_equations_of_motion(generator, quadrotor):
-    states, controls = draw(generator, quadrotor, 40)
-    for state, control, h in zip(states, controls, generator.uniform(0.001, 0.7, 40), strict=True):
-        flown = solve_ivp(
-            lambda _, s, control=control: quadrotor.derivative(s, control), (0, h), state, method="DOP853",
-            rtol=1e-12, atol=1e-12,
-        )  # fmt: skip
-        np.testing.assert_allclose(quadrotor.step(state, control, h), flown.y[:, -1], atol=1e-10)
+    state, control = draw(generator, quadrotor, 10_000)
+    h = generator.uniform(0.001, LONGEST, 10_000)
+    error = np.abs(quadrotor.step(state, control, h) - flown(quadrotor, state, control, h))
+    assert error.max() < 1e-12
+
+
+def test_derivative_is_the_slope_of_the_step(generator, quadrotor):
+    state, control = draw(generator, quadrotor, 1000)
+    h = 1e-3
+    points = [quadrotor.step(state, control, k * h) for k in (-2, -1, 1, 2)]
+    slope = (points[0] - 8 * points[1] + 8 * points[2] - points[3]) / (12 * h)
+    np.testing.assert_allclose(quadrotor.derivative(state, control), slope, atol=1e-8)
 
 
 def test_steps_compose(generator, quadrotor):
-    state, control = draw(generator, quadrotor, 500)
-    first, second = generator.uniform(0, 0.5, (2, 500))
+    state, control = draw(generator, quadrotor, 1000)
+    first, second = generator.uniform(-LONGEST, LONGEST, (2, 1000))
     twice = quadrotor.step(quadrotor.step(state, control, first), control, second)
     np.testing.assert_allclose(twice, quadrotor.step(state, control, first + second), atol=1e-12)
 
 
-def test_time_runs_backwards_too(generator, quadrotor):
-    state, control = draw(generator, quadrotor, 500)
-    back = quadrotor.step(quadrotor.step(state, control, 0.3), control, -0.3)
-    np.testing.assert_allclose(back, state, atol=1e-12)
+def test_many_small_steps_are_one(generator, quadrotor):
+    state, control = draw(generator, quadrotor, 100)
+    after = state
+    for _ in range(500):
+        after = quadrotor.step(after, control, LONGEST / 500)
+    np.testing.assert_allclose(after, quadrotor.step(state, control, LONGEST), atol=1e-11)
+
+
+def test_no_time_changes_nothing_and_negative_time_takes_the_step_back(generator, quadrotor):
+    state, control = draw(generator, quadrotor, 1000)
+    h = generator.uniform(0, LONGEST, 1000)
+    np.testing.assert_array_equal(quadrotor.step(state, control, 0.0), state)
+    np.testing.assert_allclose(quadrotor.step(quadrotor.step(state, control, h), control, -h), state, atol=1e-12)
+
+
+def test_a_film_run_backwards_is_a_flight_too(generator, quadrotor):
+    """With velocities and rate reversed and the tilt kept, the vehicle flies back the way it came.
+
+    Thrust is kept: acceleration does not change its sign when time does.
+    """
+    state, control = draw(generator, quadrotor, 1000)
+    h = generator.uniform(0, LONGEST, 1000)
+    end = quadrotor.step(state, control, h)
+    back = quadrotor.step(end * BACKWARDS_STATE, control * BACKWARDS_CONTROL, h)
+    np.testing.assert_allclose(back * BACKWARDS_STATE, state, atol=1e-12)
 
 
 def test_left_and_right_are_mirror_images(generator, quadrotor):
-    state, control = draw(generator, quadrotor, 500)
-    mirror_state, mirror_control = np.array([-1, 1, -1, 1, -1]), np.array([1, -1])
-    mirrored = quadrotor.step(state * mirror_state, control * mirror_control, 0.1)
-    np.testing.assert_allclose(mirrored, quadrotor.step(state, control, 0.1) * mirror_state, atol=1e-13)
+    state, control = draw(generator, quadrotor, 1000)
+    h = generator.uniform(0, LONGEST, 1000)
+    mirrored = quadrotor.step(state * MIRROR_STATE, control * MIRROR_CONTROL, h)
+    np.testing.assert_allclose(mirrored, quadrotor.step(state, control, h) * MIRROR_STATE, atol=1e-13)
+
+
+def test_place_speed_of_the_observer_and_whole_turns_do_not_matter(generator, quadrotor):
+    state, control = draw(generator, quadrotor, 1000)
+    h = generator.uniform(0, LONGEST, 1000)
+    place, speed = generator.normal(0, 5, (2, 1000, 2))
+    turns = 2 * np.pi * generator.integers(-2, 3, 1000)
+    moved = np.column_stack([place, speed, turns])
+    carried = np.column_stack([place + speed * h[:, None], speed, turns])
+    there = quadrotor.step(state + moved, control, h)
+    np.testing.assert_allclose(there, quadrotor.step(state, control, h) + carried, atol=1e-12)
+
+
+def test_gravity_adds_a_free_fall(generator, quadrotor):
+    state, control = draw(generator, quadrotor, 1000)
+    h = generator.uniform(0, LONGEST, 1000)
+    weightless = Quadrotor(gravity=0.0).step(state, control, h)
+    nothing, g = np.zeros(1000), quadrotor.gravity
+    fall = np.column_stack([nothing, -g * h**2 / 2, nothing, -g * h, nothing])
+    np.testing.assert_allclose(quadrotor.step(state, control, h), weightless + fall, atol=1e-12)
 
 
 def test_energy_changes_by_the_work_of_the_thrust(generator, quadrotor):
-    state, control = draw(generator, quadrotor, 200)
-    h = 1e-4
+    """Kinetic and potential energy gain the integral of thrust times the velocity along it, by Gauss's 20 points."""
+    state, control = draw(generator, quadrotor, 1000)
+    h = generator.uniform(0, LONGEST, 1000)
 
     def energy(s):
         return 0.5 * (s[:, 2] ** 2 + s[:, 3] ** 2) + quadrotor.gravity * s[:, 1]
 
-    middle = quadrotor.step(state, control, h / 2)
-    power = control[:, 0] * (middle[:, 2] * np.sin(middle[:, 4]) + middle[:, 3] * np.cos(middle[:, 4]))
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    _, _, vx, vz, theta = np.moveaxis(quadrotor.step(state, control, h * (nodes[:, None] + 1) / 2), -1, 0)
+    power = control[:, 0] * (vx * np.sin(theta) + vz * np.cos(theta))
     gained = energy(quadrotor.step(state, control, h)) - energy(state)
-    np.testing.assert_allclose(gained, power * h, atol=1e-8)
+    np.testing.assert_allclose(gained, weights @ power * h / 2, atol=1e-10)
+
+
+def test_zero_rate_is_the_parabola_and_small_rates_lead_there(generator, quadrotor):
+    state, control = draw(generator, quadrotor, 1000)
+    h = generator.uniform(0, LONGEST, 1000)
+    control[:, 1] = 0.0
+    acceleration = quadrotor.derivative(state, control)[:, 2:4]
+    parabola = state.copy()
+    parabola[:, 0:2] += state[:, 2:4] * h[:, None] + acceleration * h[:, None] ** 2 / 2
+    parabola[:, 2:4] += acceleration * h[:, None]
+    still = quadrotor.step(state, control, h)
+    np.testing.assert_allclose(still, parabola, atol=1e-12)
+    # Smooth in the rate: its first derivative there is at most f h^2 (or h, of the tilt), its second f h^3.
+    for rate in (1e-300, 1e-12, 1e-6, 1e-3):
+        left, right = (quadrotor.step(state, control + np.array([0, sign * rate]), h) for sign in (-1, 1))
+        assert np.abs(right - still).max() <= rate * (quadrotor.thrust_max * LONGEST**2 + LONGEST) + 1e-14
+        assert np.abs(left + right - 2 * still).max() <= rate**2 * quadrotor.thrust_max * LONGEST**3 + 1e-13
 
 
 def test_batch_equals_loop_over_leading_axes(generator, quadrotor):
     state = generator.normal(size=(4, 3, 5))
     control = generator.uniform(1, 9, (3, 2))
-    batch = quadrotor.step(state, control, 0.02)
-    assert batch.shape == (4, 3, 5)
-    for i in range(4):
-        for j in range(3):
-            np.testing.assert_allclose(batch[i, j], quadrotor.step(state[i, j], control[j], 0.02), atol=1e-14)
+    h = generator.uniform(0, LONGEST, (2, 1, 1))
+    batch = quadrotor.step(state, control, h)
+    assert batch.shape == (2, 4, 3, 5)
+    for k, i, j in np.ndindex(2, 4, 3):
+        np.testing.assert_allclose(batch[k, i, j], quadrotor.step(state[i, j], control[j], h[k, 0, 0]), atol=1e-14)
+    slopes = quadrotor.derivative(state, control)
+    np.testing.assert_array_equal(slopes[2, 1], quadrotor.derivative(state[2, 1], control[1]))
 
 
-def test_series_and_closed_form_of_the_bessel_functions_meet():
-    a = np.array([0.5 - 1e-12, 0.5 + 1e-12])
-    for below, above in np.transpose(spherical_bessel(np.stack([a, -a])), (0, 1, 2)).reshape(-1, 2):
-        assert abs(below - above) < 2e-12
+def test_step_takes_lists_and_leaves_its_arguments_alone(generator, quadrotor):
+    state, control = draw(generator, quadrotor, 3)
+    copies = state.copy(), control.copy()
+    listed = quadrotor.step(state.tolist(), control.tolist(), [0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(listed, quadrotor.step(state, control, np.array([0.1, 0.2, 0.3])))
+    np.testing.assert_array_equal(state, copies[0])
+    np.testing.assert_array_equal(control, copies[1])
+
+
+def test_symbols_fly_the_same_step(generator, quadrotor):
+    """The formulas take CasADi's symbols for arrays, as the solvers need it."""
+    ca = pytest.importorskip("casadi")
+
+    class Symbols:
+        sin, cos, where = ca.sin, ca.cos, ca.if_else
+
+    parts = state, control, h = ca.SX.sym("state", 5), ca.SX.sym("control", 2), ca.SX.sym("h")
+    after = exact_step(ca.vertsplit(state), ca.vertsplit(control), h, quadrotor.gravity, Symbols)
+    symbolic = ca.Function("step", parts, [ca.vertcat(*after)]).map(1000)
+    states, controls = draw(generator, quadrotor, 1000)
+    controls[:100, 1] = 0.0
+    times = generator.uniform(0, LONGEST, 1000)
+    twin = symbolic(states.T, controls.T, times[None]).full().T
+    np.testing.assert_allclose(twin, quadrotor.step(states, controls, times), atol=1e-12)
+
+
+def test_bessel_functions_are_those_of_scipy_on_both_sides_of_the_seam():
+    seam = np.nextafter(0.5, [0.0, 1.0])
+    a = np.concatenate([np.linspace(-4, 4, 4001), seam, -seam])
+    for order, value in enumerate(spherical_bessel(a)):
+        np.testing.assert_allclose(value, spherical_jn(order, a), atol=2e-15)
+
+
+def test_bessel_functions_lose_no_digits_near_zero():
     assert spherical_bessel(np.array(0.0)) == (1.0, 0.0)
     small = np.array([1e-9, 1e-5, 1e-3])
     np.testing.assert_allclose(spherical_bessel(small)[1], small / 3 - small**3 / 30, rtol=1e-12)

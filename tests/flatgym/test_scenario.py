@@ -41,7 +41,7 @@ def test_loop_hoops_turn_once_around():
 def test_unknown_scenario_names_the_nearest():
     with pytest.raises(ValueError, match=r"unknown scenario 'hop'; known: .*; did you mean 'hoop'"):
         flatgym.scenario("hop")
-    with pytest.raises(TypeError, match="expected a scenario name or a Scenario, got 3"):
+    with pytest.raises(TypeError, match="expected the name of a scenario, a Scenario or a Distribution, got 3"):
         flatgym.scenario(3)
 
 

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from flatgym import SCENARIOS
+from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.course import Starts
+from flatgym.env import FlatQuadEnv
 from flatgym.vector import FlatQuadVectorEnv
 
 N = 6
@@ -21,27 +22,49 @@ def rough_actions(generator, steps):
     return np.repeat(generator.uniform(-1, 1, (steps // 8 + 1, N, 2)), 8, axis=0)[:steps].astype(np.float32)
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
-@pytest.mark.parametrize("reward", ["shaped", "sparse"])
-def test_batched_equals_scalar_step_for_step(name, reward, generator):
-    envs = batched(name, AutoresetMode.SAME_STEP, reward=reward)
-    singles = [gym.make("FlatQuad-v0", scenario=name, reward=reward) for _ in range(N)]
+def places(name):
+    """Starts near what a scenario names, half of them; so hoops, floor and goal are met within few steps."""
+    if name in DISTRIBUTIONS:
+        return None
+    scenario, generator = SCENARIOS[name], np.random.default_rng(1)
+    points = np.array([scenario.start, scenario.goal, *((hoop.x, hoop.z) for hoop in scenario.hoops)])
+    state = np.concatenate([generator.normal(0, 0.4, (300, 2)), generator.normal(0, 2.0, (300, 3))], axis=1)
+    state[:, 0:2] += points[generator.integers(len(points), size=300)]
+    if scenario.floor is not None:
+        state[:, 1] = np.maximum(state[:, 1], scenario.floor)
+    return Starts(state, generator.integers(0, len(scenario.hoops) + 1, 300), share=0.5)
+
+
+@pytest.mark.parametrize("name", [*SCENARIOS, *DISTRIBUTIONS])
+def test_batched_equals_scalar_over_a_hundred_thousand_steps(name, generator):
+    count, steps = 20, 5000
+    arguments = {"scenario": name, "starts": places(name), "reward": "sparse" if name == "hoop" else "shaped"}
+    envs = FlatQuadVectorEnv(count, autoreset_mode="SameStep", **arguments)
+    singles = [FlatQuadEnv(**arguments) for _ in range(count)]
     observations, infos = envs.reset(seed=3)
-    np.testing.assert_array_equal(observations, np.stack([env.reset(seed=3)[0] for env in singles]))
-    for actions in rough_actions(generator, 300):
+    np.testing.assert_array_equal(observations, [env.reset(seed=3 + i)[0] for i, env in enumerate(singles)])
+    ends = 0
+    for step in range(steps):
+        if step % 8 == 0:
+            actions = generator.uniform(-1.2, 1.2, (count, 2)).astype(np.float32)
         observations, rewards, terminated, truncated, infos = envs.step(actions)
-        for i, env in enumerate(singles):
-            observation, reward_one, *ends, info = env.step(actions[i])
-            assert [terminated[i], truncated[i]] == ends
-            assert abs(rewards[i] - reward_one) < 1e-12
-            last = infos["final_info"] if any(ends) else infos
-            for key, value in info.items():
-                np.testing.assert_allclose(last[key][i], value, atol=1e-12) if key == "state" else None
-                assert key == "state" or last[key][i] == value
-            if any(ends):
-                np.testing.assert_allclose(infos["final_obs"][i], observation, atol=1e-6)
-                observation, _ = env.reset()
-            np.testing.assert_allclose(observations[i], observation, atol=1e-6)
+        flown = [env.step(action) for env, action in zip(singles, actions, strict=True)]
+        ended = terminated | truncated
+        expected = np.array([one[0] for one in flown])
+        np.testing.assert_array_equal(rewards, [one[1] for one in flown])
+        np.testing.assert_array_equal(terminated, [one[2] for one in flown])
+        np.testing.assert_array_equal(truncated, [one[3] for one in flown])
+        np.testing.assert_array_equal(infos["state"][~ended], [one[4]["state"] for one in flown if not one[2] | one[3]])
+        for i in np.flatnonzero(ended):
+            ends += 1
+            final = {key: values[i] for key, values in infos["final_info"].items() if key[0] != "_"}
+            np.testing.assert_array_equal(final.pop("state"), flown[i][4].pop("state"))
+            assert final == flown[i][4]
+            np.testing.assert_array_equal(infos["final_obs"][i], flown[i][0])
+            expected[i], info = singles[i].reset()
+            np.testing.assert_array_equal(infos["state"][i], info["state"])
+        np.testing.assert_array_equal(observations, expected)
+    assert ends > 300
 
 
 def test_both_autoreset_modes_fly_the_same_episodes(generator):

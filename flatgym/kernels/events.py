@@ -9,12 +9,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 
 from flatgym.arc import HAIR, ROOT_ITERATIONS, ROOT_WIDTH
-
-compiled = numba.njit(error_model="numpy")
+from flatgym.kernels.layout import compiled
 
 HEIGHT, SPEED, APPROACH = 0, 1, 2
 """Whose root is sought: (p - point) . direction, p' . direction, or half the rate of change of |p - point|^2."""
@@ -81,7 +79,7 @@ def rising_root(
 @compiled
 def inflections(arc: Any, dt: float, dx: float, dz: float) -> Any:
     """Return, in order, when p'' . direction vanishes within the step, else its end [s]."""
-    theta, thrust, rate, pull_x, pull_z = arc[4:]
+    _, _, _, _, theta, thrust, rate, pull_x, pull_z = arc
     ratio = -(pull_x * dx + pull_z * dz) / max(thrust, 1e-300)
     if rate == 0 or abs(ratio) > 1:
         return dt, dt
@@ -96,7 +94,8 @@ def inflections(arc: Any, dt: float, dx: float, dz: float) -> Any:
 @compiled
 def monotone_times(arc: Any, dt: float, dx: float, dz: float) -> Any:
     """Return five times from 0 to dt between which p . direction is monotone [s]."""
-    knots = (0.0, *inflections(arc, dt, dx, dz), dt)
+    first, second = inflections(arc, dt, dx, dz)
+    knots = (0.0, first, second, dt)
     times = np.zeros(5)
     before = event(arc, SPEED, 0.0, 0.0, dx, dz, 0.0)[0]
     for i in range(3):
@@ -137,15 +136,15 @@ def lowest(arc: Any, dt: float, dx: float, dz: float) -> float:
 @compiled
 def distance(arc: Any, dt: float, px: float, pz: float) -> float:
     """Return a lower bound of the distance to a point over the step [m], less than 1e-9 too small."""
-    thrust, rate, pull_x, pull_z = arc[5:]
+    _, _, _, _, _, thrust, rate, pull_x, pull_z = arc
     acceleration, jerk = thrust + math.hypot(pull_x, pull_z), thrust * abs(rate)
     parts = np.empty((PARTS, 2))
-    parts[0] = 0.0, dt
+    parts[0, 0], parts[0, 1] = 0.0, dt
     waiting = 1
     least = min(_distance_at(arc, px, pz, 0.0), _distance_at(arc, px, pz, dt))
     while waiting > 0:
         waiting -= 1
-        low, high = parts[waiting]
+        low, high = parts[waiting, 0], parts[waiting, 1]
         width = high - low
         sagitta = acceleration * width**2 / 8
         floor = _chord_distance(arc, px, pz, low, high) - sagitta
@@ -169,8 +168,8 @@ def distance(arc: Any, dt: float, px: float, pz: float) -> float:
             continue
         middle = (low + high) / 2
         least = min(least, _distance_at(arc, px, pz, middle))
-        parts[waiting] = low, middle
-        parts[waiting + 1] = middle, high
+        parts[waiting, 0], parts[waiting, 1] = low, middle
+        parts[waiting + 1, 0], parts[waiting + 1, 1] = middle, high
         waiting += 2
     return max(least, 0.0)
 

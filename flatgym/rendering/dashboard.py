@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from flatgym.canvas import Canvas, ramp, text_width
-from flatgym.palette import FAILURE, FAINT, GHOST, INK, OUTCOME, PALE, PAPER, WHITE
+from flatgym.rendering.canvas import Canvas, ramp, text_width
+from flatgym.rendering.palette import FAILURE, FAINT, GHOST, INK, OUTCOME, PALE, WHITE
 from flatgym.scenario import Scenario
 
 HEADER, FOOTER = 84.0, 40.0

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,6 +20,8 @@ from flatgym.quadrotor import Array
 
 Colour: TypeAlias = tuple[int, int, int]
 Pixels: TypeAlias = NDArray[np.uint8]
+View: TypeAlias = tuple[float, float, float, float]
+"""Left, top, width and height [px]."""
 
 SUPERSAMPLING = 2
 RAMP = np.array([(58, 18, 128), (126, 3, 168), (190, 47, 130), (229, 92, 92), (246, 148, 60)], dtype=np.float64)
@@ -55,13 +58,13 @@ class Camera:
 
     scale: float
     look_at: tuple[float, float]
-    view: tuple[float, float, float, float]
+    view: View
 
     @classmethod
-    def fit(cls, box: Array, view: tuple[float, float, float, float], scale_most: float) -> Camera:
-        """Return the camera that sees least x, least z, greatest x, greatest z of a box [m], shape (4,)."""
+    def fit(cls, box: Array, view: View, padding: float, scale_most: float) -> Camera:
+        """Return the camera that sees a box of least x, least z, greatest x, greatest z [m], away from the edge."""
         wide, tall = max(box[2] - box[0], 1e-9), max(box[3] - box[1], 1e-9)
-        scale = min(view[2] / wide, view[3] / tall, scale_most)
+        scale = min((view[2] - 2 * padding) / wide, (view[3] - 2 * padding) / tall, scale_most)
         return cls(float(scale), (float(box[0] + box[2]) / 2, float(box[1] + box[3]) / 2), view)
 
     def __call__(self, points: ArrayLike) -> Array:
@@ -84,7 +87,10 @@ class Camera:
 
 
 class Canvas:
-    """A sheet of width and height [px]; transparent where nothing is drawn if there is no `paper`."""
+    """A sheet of width and height [px]; transparent where nothing is drawn if there is no `paper`.
+
+    It remembers where it was drawn on, so that a sheet that starts from another is averaged down there only.
+    """
 
     def __init__(self, size: tuple[int, int], paper: Colour | None = None) -> None:
         self.size = size
@@ -93,22 +99,34 @@ class Canvas:
         self._shown = pygame.Surface(size, 0, 32)
         if paper is not None:
             self.surface.fill(paper)
+        self._touched = [self.surface.get_rect()]
+        self._strokes, self._averaged = 0, -1
+        self._start: tuple[Canvas | None, int] = None, 0
+
+    def start_from(self, other: Canvas) -> None:
+        """Become a copy of another sheet of the same size."""
+        start = (other, other._strokes)
+        places = self._touched if self._start == start else [self.surface.get_rect()]
+        shown = other.shown()
+        for place in places:
+            self.surface.blit(other.surface, place, place)
+            small = _small(place, self._shown)
+            self._shown.blit(shown, small, small)
+        self._touched, self._start, self._averaged = [], start, -1
 
     def put(self, other: Canvas, corner: ArrayLike = (0.0, 0.0), opacity: float = 1.0) -> None:
         """Lay another sheet on this one."""
-        other.surface.set_alpha(None if opacity == 1 and not other.surface.get_flags() & pygame.SRCALPHA else round(
-            255 * opacity
-        ))
-        self.surface.blit(other.surface, _large(corner))
+        other.surface.set_alpha(round(255 * opacity))
+        self._touch(self.surface.blit(other.surface, _large(corner)))
 
-    def line(self, points: ArrayLike, colour: Colour, width: float) -> None:
-        """Draw a line through points (n, 2), with round joints and ends."""
+    def line(self, points: ArrayLike, colour: Colour, width: float, smooth: bool = False) -> None:
+        """Draw a line through points (n, 2), with round ends, and round joints where it is not smooth anyway."""
         places, thick = _large(points), max(1, round(width * SUPERSAMPLING))
-        for start, end in zip(places[:-1], places[1:], strict=True):
-            pygame.draw.aaline(self.surface, colour, start, end, thick)
+        for start, end in pairwise(places):
+            self._touch(pygame.draw.aaline(self.surface, colour, start, end, thick))
         if thick > 3:
-            for place in places:
-                pygame.draw.aacircle(self.surface, colour, place, thick / 2)
+            for place in (places[0], places[-1]) if smooth else places:
+                self._touch(pygame.draw.aacircle(self.surface, colour, place, thick / 2 - 1))
 
     def dashes(self, points: Array, colour: Colour, width: float, dash: float, gap: float) -> None:
         """Draw a line of dashes [px] through points (n, 2)."""
@@ -118,45 +136,78 @@ class Canvas:
             at = np.concatenate([[begin], along[(along > begin) & (along < end)], [end]])
             self.line(np.stack([np.interp(at, along, axis) for axis in points.T], axis=-1), colour, width)
 
+    def arrow(self, tail: Array, tip: Array, colour: Colour, width: float) -> None:
+        """Draw an arrow from a point to another, each of shape (2,)."""
+        along = (tip - tail) / max(np.hypot(*(tip - tail)), 1e-9)
+        across, wing = along[::-1] * (-1, 1), 1.6 * width + 1
+        neck = tip - 1.6 * wing * along
+        self.line([tail, neck], colour, width)
+        self.area([tip, neck + wing * across, neck - wing * across], colour)
+
     def disc(self, centre: ArrayLike, radius: float, colour: Colour) -> None:
         """Draw a filled circle."""
-        pygame.draw.aacircle(self.surface, colour, _large(centre), radius * SUPERSAMPLING)
+        self._touch(pygame.draw.aacircle(self.surface, colour, _large(centre), radius * SUPERSAMPLING))
 
     def ring(self, centre: ArrayLike, radius: float, colour: Colour, width: float) -> None:
         """Draw a circle whose line is centred on the radius."""
         thick = max(1, round(width * SUPERSAMPLING))
-        pygame.draw.aacircle(self.surface, colour, _large(centre), radius * SUPERSAMPLING + thick / 2, thick)
+        outer = radius * SUPERSAMPLING + thick / 2
+        self._touch(pygame.draw.aacircle(self.surface, colour, _large(centre), outer, thick))
 
     def area(self, points: ArrayLike, colour: Colour) -> None:
         """Fill a polygon with corners (n, 2)."""
         places = _large(points)
         pygame.draw.polygon(self.surface, colour, places)
-        pygame.draw.aalines(self.surface, colour, True, places)
+        self._touch(pygame.draw.aalines(self.surface, colour, True, places))
 
     def panel(self, left: float, top: float, width: float, height: float, colour: Colour, round_by: float = 0) -> None:
         """Fill a rectangle, its corners rounded by a radius."""
-        corner, size = _large((left, top)), _large((width, height))
-        pygame.draw.rect(self.surface, colour, pygame.Rect(*corner, *size), border_radius=round(round_by * SUPERSAMPLING))
+        box = pygame.Rect(*_large((left, top)), *_large((width, height)))
+        self._touch(pygame.draw.rect(self.surface, colour, box, border_radius=round(round_by * SUPERSAMPLING)))
 
     def words(self, text: str, place: ArrayLike, height: float, colour: Colour, anchor: str = "midleft") -> float:
         """Write a line of text so that its `anchor`, a name as of pygame's Rect, is at a place; return its width."""
         picture = _text(text, round(height * SUPERSAMPLING), colour)
         box = picture.get_rect(**{anchor: tuple(int(v) for v in _large(place))})
-        self.surface.blit(picture, box)
+        self._touch(self.surface.blit(picture, box))
         return box.width / SUPERSAMPLING
 
-    def clip(self, view: tuple[float, float, float, float] | None) -> None:
-        """Draw only within left, top, width and height from now on, or everywhere."""
+    def clip(self, view: View | None) -> None:
+        """Draw only within a view from now on, or everywhere."""
         self.surface.set_clip(None if view is None else pygame.Rect(*(round(v * SUPERSAMPLING) for v in view)))
 
     def shown(self) -> pygame.Surface:
         """Return the sheet as it is shown; the next call draws over it."""
-        return pygame.transform.smoothscale(self.surface, self.size, self._shown)
+        if self._averaged == self._strokes:
+            return self._shown
+        self._averaged = self._strokes
+        for place in self._touched:
+            small = _small(place, self._shown)
+            large = pygame.Rect(*(v * SUPERSAMPLING for v in small))
+            self._shown.blit(pygame.transform.smoothscale(self.surface.subsurface(large), small.size), small)
+        return self._shown
 
     def pixels(self) -> Pixels:
         """Return red, green and blue, shape (height, width, 3)."""
         flat = np.frombuffer(pygame.image.tobytes(self.shown(), "RGB"), dtype=np.uint8)
         return flat.reshape(self.size[1], self.size[0], 3).copy()
+
+    def _touch(self, place: pygame.Rect) -> None:
+        self._strokes += 1
+        if place.width == 0 or place.height == 0:
+            return
+        for i, other in enumerate(self._touched):
+            if other.colliderect(place.inflate(2, 2)):
+                self._touched[i] = other.union(place)
+                return
+        self._touched.append(place)
+
+
+def _small(place: pygame.Rect, shown: pygame.Surface) -> pygame.Rect:
+    """Return the shown pixels on which a place of the large sheet lies."""
+    left, top = place.left // SUPERSAMPLING, place.top // SUPERSAMPLING
+    right, bottom = -(-place.right // SUPERSAMPLING), -(-place.bottom // SUPERSAMPLING)
+    return pygame.Rect(left, top, right - left, bottom - top).clip(shown.get_rect())
 
 
 def text_width(text: str, height: float) -> float:
@@ -168,10 +219,17 @@ def _large(places: ArrayLike) -> Any:
     return (np.asarray(places, dtype=np.float64) * SUPERSAMPLING).tolist()
 
 
-@lru_cache(maxsize=32)
 def _font(height: int) -> pygame.font.Font:
-    pygame.font.init()
-    return pygame.font.Font(None, max(height, 1))
+    if not pygame.font.get_init():
+        # Fonts do not outlive somebody's pygame.quit().
+        pygame.font.init()
+        _fonts.cache_clear()
+    return _fonts(max(height, 1))
+
+
+@lru_cache(maxsize=32)
+def _fonts(height: int) -> pygame.font.Font:
+    return pygame.font.Font(None, height)
 
 
 @lru_cache(maxsize=512)

@@ -1,0 +1,203 @@
+"""One step flown: commands, the exact arc, what is met inside it, and how the flight then stands."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from flatgym.kernels.arithmetic import bessel, sine_cosine
+from flatgym.kernels.beginning import aim
+from flatgym.kernels.events import at, crossing, distance, lowest
+from flatgym.kernels.layout import (
+    AHEAD1,
+    BTHETA,
+    BVX,
+    BVZ,
+    BX,
+    BZ,
+    CEILING_Z,
+    COUNT,
+    DELAY,
+    DX1,
+    DZ1,
+    FACTOR,
+    FLAG,
+    FLOOR_Z,
+    GAP1,
+    GOAL_X,
+    GOAL_Z,
+    HIGH_X,
+    HIGH_Z,
+    LANES,
+    LOW_X,
+    LOW_Z,
+    OUTCOME,
+    PASSED,
+    PULL_X,
+    PULL_Z,
+    RATE,
+    STEPS,
+    THETA,
+    THRUST,
+    VX,
+    VZ,
+    X1,
+    Z1,
+    X,
+    Z,
+    compiled,
+    vectors,
+)
+from flatgym.scene import CEILING, COLLISION, FLOOR, FLYING, GOAL, OUT_OF_BOUNDS, TIME_LIMIT
+from flatgym.task import CONTACT_SLACK
+
+
+@vectors
+def command(f: Any, o: Any, c: Any, actions: Any, first: int) -> None:
+    """Turn actions into thrust and rate; clipped to the box."""
+    low, high, most = c.thrust_min, c.thrust_max, c.rate_max
+    for i in range(LANES):
+        push, turn = actions[first + i, 0], actions[first + i, 1]
+        push = (min(max(push, -1.0), 1.0) + 1) / 2
+        turn = (min(max(turn, -1.0), 1.0) + 1) / 2
+        f[o + THRUST + i] = low * (1 - push) + high * push
+        f[o + RATE + i] = -most * (1 - turn) + most * turn
+
+
+@compiled
+def delay(f: Any, o: Any, n: Any, c: Any, pending: Any, first: int) -> None:
+    """Put the commands into their queues, and take out those whose time has come; before the first, hover."""
+    slots = pending.shape[1]
+    for i in range(n):
+        lane, step, late = first + i, int(f[o + STEPS + i]), int(f[o + DELAY + i])
+        pending[lane, step % slots, 0] = f[o + THRUST + i]
+        pending[lane, step % slots, 1] = f[o + RATE + i]
+        if late > step:
+            f[o + THRUST + i], f[o + RATE + i] = c.gravity, 0.0
+        else:
+            f[o + THRUST + i] = pending[lane, (step - late) % slots, 0]
+            f[o + RATE + i] = pending[lane, (step - late) % slots, 1]
+
+
+@vectors
+def fly(f: Any, o: Any, h: float) -> None:
+    """Fly the exact step of `flatgym.quadrotor`; no step makes a whole turn, so |rate| h / 2 <= pi."""
+    for i in range(LANES):
+        k = o + i
+        x, z, vx, vz, theta = f[k + X], f[k + Z], f[k + VX], f[k + VZ], f[k + THETA]
+        pull_x, pull_z, rate = f[k + PULL_X], f[k + PULL_Z], f[k + RATE]
+        a, dv = rate * h / 2, f[k + THRUST] * f[k + FACTOR] * h
+        j0, j1 = bessel(a)
+        sine, cosine = sine_cosine(theta + a)
+        f[k + BX], f[k + BZ], f[k + BVX], f[k + BVZ], f[k + BTHETA] = x, z, vx, vz, theta
+        f[k + X] = x + (vx + pull_x * h / 2) * h + dv * h / 2 * (j0 * sine - j1 * cosine)
+        f[k + Z] = z + (vz + pull_z * h / 2) * h + dv * h / 2 * (j0 * cosine + j1 * sine)
+        f[k + VX] = vx + dv * j0 * sine + pull_x * h
+        f[k + VZ] = vz + dv * j0 * cosine + pull_z * h
+        f[k + THETA] = theta + rate * h
+
+
+@vectors
+def suspect(f: Any, o: Any, h: float, radius: float) -> int:
+    """Mark the vehicles that may have met a hoop, the floor or the ceiling inside the step; return how many.
+
+    An arc strays from its chord by at most |p''| h^2 / 8, and |p''| is at most thrust and pull together.
+    """
+    marked = 0
+    for i in range(LANES):
+        k = o + i
+        bow = f[k + THRUST] * f[k + FACTOR] + abs(f[k + PULL_X]) + abs(f[k + PULL_Z])
+        bow = bow * h * h / 8
+        dx, dz, x, z = f[k + DX1], f[k + DZ1], f[k + X] - f[k + X1], f[k + Z] - f[k + Z1]
+        bx, bz = f[k + BX] - f[k + X1], f[k + BZ] - f[k + Z1]
+        along, before = x * dx + z * dz, bx * dx + bz * dz
+        aside, aside_before = z * dx - x * dz, bz * dx - bx * dz
+        crosses = (min(along, before) - bow < 0) & (max(along, before) + bow >= 0)
+        gap = f[k + GAP1] / 2 - radius + bow
+        inside = (min(aside, aside_before) <= gap) & (max(aside, aside_before) >= -gap)
+        low = min(f[k + Z], f[k + BZ]) - bow < f[k + FLOOR_Z]
+        high = max(f[k + Z], f[k + BZ]) + bow > f[k + CEILING_Z]
+        met = ((f[k + AHEAD1] > 0) & crosses & inside) | low | high
+        f[k + FLAG] = 1.0 if met else 0.0
+        marked += 1 if met else 0
+    return marked
+
+
+@compiled
+def arc_of(f: Any, k: Any) -> Any:
+    """Return the arc of the step just flown, as `flatgym.events` wants it."""
+    thrust = f[k + THRUST] * f[k + FACTOR]
+    state = (f[k + BX], f[k + BZ], f[k + BVX], f[k + BVZ], f[k + BTHETA])
+    return (*state, thrust, f[k + RATE], f[k + PULL_X], f[k + PULL_Z])
+
+
+@compiled
+def meet(f: Any, k: Any, c: Any, hoops: Any) -> int:
+    """Pass the hoops met inside the step, and return the outcome if a rim, the floor or the ceiling was touched."""
+    arc, touched, time = arc_of(f, k), FLYING, 0.0
+    j, count = int(f[k + PASSED]), int(f[k + COUNT])
+    while j < count:
+        x, z, dx, dz, gap = hoops[j, 0], hoops[j, 1], hoops[j, 2], hoops[j, 3], hoops[j, 4]
+        when = crossing(arc, c.dt, x, z, dx, dz, time)
+        if not when >= 0:
+            break
+        here, time = at(arc, when), when
+        if abs((here[1] - z) * dx - (here[0] - x) * dz) <= gap / 2 - c.radius:
+            j += 1
+    if j != int(f[k + PASSED]):
+        f[k + PASSED] = j
+        aim(f, k, hoops)
+    # A way no vehicle can rise or fall within the step; mostly only one of the two is near.
+    reach = (abs(f[k + BVZ]) + (arc[5] + abs(arc[8])) * c.dt) * c.dt
+    if f[k + BZ] + reach > f[k + CEILING_Z] and -lowest(arc, c.dt, 0.0, -1.0) > f[k + CEILING_Z] + CONTACT_SLACK:
+        touched = CEILING
+    if f[k + BZ] - reach < f[k + FLOOR_Z] and lowest(arc, c.dt, 0.0, 1.0) < f[k + FLOOR_Z] - CONTACT_SLACK:
+        touched = FLOOR
+    if c.radius > 0 and touches_rim(arc, c.dt, c.radius, hoops, count):
+        touched = COLLISION
+    return touched
+
+
+@compiled
+def happen(f: Any, o: Any, n: Any, c: Any, hoops: Any, first: int) -> None:
+    """Look closely at those who may have met something."""
+    if suspect(f, o, c.dt, c.radius) == 0 and c.radius == 0:
+        return
+    for i in range(n):
+        if c.radius > 0 or f[o + FLAG + i] > 0:
+            f[o + FLAG + i] = meet(f, o + i, c, hoops[first + i])
+
+
+@compiled
+def touches_rim(arc: Any, h: float, radius: float, hoops: Any, count: int) -> bool:
+    """Return whether a body touches an end of any gap."""
+    for j in range(count):
+        x, z, dx, dz, gap = hoops[j, 0], hoops[j, 1], hoops[j, 2], hoops[j, 3], hoops[j, 4]
+        for i in range(2):
+            side = (i - 0.5) * gap
+            if distance(arc, h, x - side * dz, z + side * dx) < radius:
+                return True
+    return False
+
+
+@vectors
+def judge(f: Any, o: Any, c: Any) -> None:
+    """Count the step and say how the flight stands; FLAG holds the outcome of a contact, which comes first."""
+    position, speed, angle, most = c.position, c.speed, c.angle, c.last_step
+    for i in range(LANES):
+        k = o + i
+        x, z, vx, vz, theta = f[k + X], f[k + Z], f[k + VX], f[k + VZ], f[k + THETA]
+        gx, gz = x - f[k + GOAL_X], z - f[k + GOAL_Z]
+        steps = f[k + STEPS] + 1
+        tilt = theta - 2 * math.pi * np.floor(theta * (0.5 / math.pi) + 0.5)
+        there = (gx * gx + gz * gz <= position * position) & (vx * vx + vz * vz <= speed * speed)
+        there = there & (abs(tilt) <= angle) & (f[k + PASSED] >= f[k + COUNT])
+        outside = (x < f[k + LOW_X]) | (x > f[k + HIGH_X]) | (z < f[k + LOW_Z]) | (z > f[k + HIGH_Z])
+        code = float(TIME_LIMIT) if steps >= most else float(FLYING)
+        code = float(GOAL) if there else code
+        code = float(OUT_OF_BOUNDS) if outside else code
+        code = f[k + FLAG] if f[k + FLAG] > 0 else code
+        f[k + STEPS] = steps
+        f[k + OUTCOME] = code

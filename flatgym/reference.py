@@ -1,0 +1,123 @@
+"""What is known of the named scenarios: K*, T*, their proven bounds, and a flight in K* steps.
+
+    table = reference("hoop")
+    table.k_star, table.proven, table.time, table.time_lower_bound
+    ghost_states("hoop")    # the K*-flight, to fly against
+
+The numbers stand in `reference.json` beside this file, so that a score needs no solver; `python -m
+experiments.reference` computes them. They belong to the very scenarios of SCENARIOS: whoever changes
+so much as a tolerance has to ask `optimal`.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flatgym import catalogue
+from flatgym.catalogue import SCENARIOS, ProblemLike
+from flatgym.quadrotor import Array
+from flatgym.scenario import Scenario
+
+SCHEMA = 1
+"""Version of `reference.json`; another is refused."""
+FILE = "reference.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """What is known of one named scenario.
+
+    Attributes:
+        scenario: its name.
+        k_star: K*, the fewest environment steps in which a flight is known.
+        k_lower_bound: no flight whatever takes fewer steps.
+        proven: whether the two agree.
+        time: T*, the fastest flight known in continuous time, exactly rest to rest [s].
+        time_lower_bound: no such flight is faster [s].
+        winding: whole turns of the K*-flight.
+        actions: the K*-flight as the environment's actions, float32, read-only, shape (K*, 2).
+    """
+
+    scenario: str
+    k_star: int
+    k_lower_bound: int
+    proven: bool
+    time: float
+    time_lower_bound: float
+    winding: int
+    actions: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, row: dict[str, Any]) -> Reference:
+        """Return a row of the file as a value."""
+        actions = np.array(row["actions"], dtype=np.float32)
+        actions.setflags(write=False)
+        return cls(
+            scenario=row["scenario"],
+            k_star=row["k_star"],
+            k_lower_bound=row["k_lower_bound"],
+            proven=row["proven"],
+            time=row["time_s"],
+            time_lower_bound=row["time_lower_bound_s"],
+            winding=row["winding"],
+            actions=actions,
+        )
+
+    def gap(self, steps: float) -> float:
+        """Return how many more steps than K* a flight took, relatively."""
+        return steps / self.k_star - 1
+
+
+def reference(problem: ProblemLike) -> Reference | None:
+    """Return what is known of a scenario, or None where it is not exactly one of SCENARIOS.
+
+    Raises:
+        ValueError: for an unknown name, listing the known ones.
+    """
+    found = catalogue.problem(problem)
+    if not isinstance(found, Scenario) or SCENARIOS.get(found.name) != found:
+        return None
+    return _table().get(found.name)
+
+
+def ghost_states(problem: ProblemLike) -> Array:
+    """Return the states of the flight in K* steps, from start to goal, read-only, shape (K*+1, 5).
+
+    Raises:
+        ValueError: where no flight is stored.
+    """
+    found = reference(problem)
+    if found is None:
+        raise ValueError(
+            f"no flight in K* steps is stored for {catalogue.problem(problem).name!r}, only for the scenarios of "
+            f"flatgym.SCENARIOS as they are; give states of shape (K+1, 5) instead, as "
+            f"optimal.fewest_steps(scenario).states has them"
+        )
+    return _flown(found.scenario)
+
+
+@lru_cache
+def _flown(name: str) -> Array:
+    scenario = SCENARIOS[name]
+    states = [scenario.start_state]
+    for control in scenario.quadrotor.control(_table()[name].actions):
+        states.append(scenario.quadrotor.step(states[-1], control, scenario.dt))
+    flown = np.array(states)
+    flown.setflags(write=False)
+    return flown
+
+
+@lru_cache
+def _table() -> dict[str, Reference]:
+    """Return all rows by the scenario's name; read once."""
+    data = json.loads(files("flatgym").joinpath(FILE).read_text(encoding="utf-8"))
+    if data.get("schema") != SCHEMA:
+        raise ValueError(f"flatgym/{FILE} has schema {data.get('schema')!r}, this version reads {SCHEMA}")
+    return {row["scenario"]: Reference.of(row) for row in data["references"]}

@@ -1,0 +1,5 @@
+"""Pictures of flights: as arrays, in a window, and as videos; pygame is loaded when it is first needed."""
+
+from flatgym.rendering.renderer import SIZE, Renderer, Window, check_ghost, check_mode, load_pygame, write_video
+
+__all__ = ["SIZE", "Renderer", "Window", "check_ghost", "check_mode", "load_pygame", "write_video"]

@@ -1,0 +1,224 @@
+"""Pictures of flights: as arrays, in a window, and as videos.
+
+    renderer = Renderer(scenario, "rgb_array", k_star=70, ghost=ghost_states("hoop"))
+    pixels = renderer.draw(states, thrusts, hoops_passed, outcome)
+
+Arrays need no display. pygame, imageio and what draws with them are loaded when they are first needed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flatgym.extras import require
+from flatgym.quadrotor import Array
+from flatgym.rendering.instant import Instant
+from flatgym.scenario import Scenario
+
+if TYPE_CHECKING:
+    from flatgym.rendering.canvas import Canvas
+    from flatgym.rendering.picture import Picture
+
+SIZE = (960, 720)
+"""Width and height of a picture unless told otherwise [px]."""
+SIZE_LEAST = 64
+MODES = ("human", "rgb_array")
+VIDEOS = (".mp4", ".gif")
+
+
+def load_pygame() -> None:
+    """Import pygame without its greeting; an ImportError names the extra where it is missing."""
+    require("render", "pygame")
+    with contextlib.redirect_stdout(io.StringIO()):
+        import pygame  # noqa: F401
+
+
+def check_mode(mode: str | None) -> None:
+    """Raise a ValueError for a mode that is none, and an ImportError where pygame is missing."""
+    if mode is None:
+        return
+    if mode not in MODES:
+        raise ValueError(f"unknown render_mode {mode!r}; known: {', '.join(MODES)}, or None for no pictures")
+    require("render", "pygame")
+
+
+class Renderer:
+    """Draws flights through one scenario.
+
+    Args:
+        scenario: what is flown.
+        mode: "rgb_array" returns pictures, "human" shows them in a window at the pace of the flight.
+        k_star: the fewest steps known, or None.
+        ghost: states of a flight to draw beside, one each step, shape (n, 5), or None.
+        size: width and height of the pictures [px].
+
+    Attributes:
+        is_open: False once the window was closed; nothing is drawn and no time is waited from then on.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        mode: str = "rgb_array",
+        *,
+        k_star: int | None = None,
+        ghost: ArrayLike | None = None,
+        size: tuple[int, int] = SIZE,
+    ) -> None:
+        check_mode(mode)
+        if len(size) != 2 or min(size) < SIZE_LEAST:
+            raise ValueError(f"size must be a width and a height of at least {SIZE_LEAST} px, got {size!r}")
+        load_pygame()
+        self.mode, self.size, self.is_open = mode, size, True
+        self.picture: Picture | None = None
+        self.turn_to(scenario, k_star, None if ghost is None else check_ghost(ghost))
+        self._window = Window("FlatQuad", size, 1 / scenario.dt) if mode == "human" else None
+
+    def turn_to(self, scenario: Scenario, k_star: int | None = None, ghost: Array | None = None) -> None:
+        """Draw flights through another scenario from now on; the same again costs nothing."""
+        from flatgym.rendering.picture import Picture
+
+        shown = self.picture
+        if shown is None or shown.scenario != scenario or shown.k_star != k_star or shown.ghost is not ghost:
+            self.picture = Picture(scenario, self.size, k_star, ghost)
+
+    def draw(
+        self, states: Array, thrusts: ArrayLike, hoops_passed: int = 0, outcome: str = "flying"
+    ) -> NDArray[np.uint8] | None:
+        """Draw a flight as it stands.
+
+        Args:
+            states: flown so far, from the start on, shape (k+1, 5).
+            thrusts: of the k steps flown [m/s^2], shape (k,).
+            hoops_passed: how many.
+            outcome: a word of flatgym.OUTCOMES.
+
+        Returns:
+            Red, green and blue, shape (height, width, 3); None in a window.
+        """
+        if not self.is_open:
+            return None
+        assert self.picture is not None
+        instant = Instant(np.asarray(states, dtype=np.float64), np.asarray(thrusts), hoops_passed, outcome)
+        if self._window is None:
+            return self.picture.pixels(instant)
+        self._window.show(self.picture.draw(instant))
+        if self._window.is_asked_to_close():
+            self.close()
+        return None
+
+    def close(self) -> None:
+        """Close the window; again has no effect."""
+        self.is_open = False
+        if self._window is not None:
+            self._window.close()
+
+
+class Window:
+    """A window of its own, so that several environments can show theirs side by side.
+
+    Args:
+        title: what stands above it.
+        size: width and height [px].
+        frames_per_second: the pace of `show`; 0 does not wait.
+
+    Raises:
+        OSError: where there is no display.
+    """
+
+    def __init__(self, title: str, size: tuple[int, int], frames_per_second: float) -> None:
+        load_pygame()
+        import pygame
+
+        try:
+            pygame.display.init()
+            self._window: Any = pygame.Window(title, size)
+        except pygame.error as error:
+            raise OSError(f"no window can be opened ({error}); without a display use rgb_array, or a video") from None
+        self._clock, self.frames_per_second = pygame.time.Clock(), frames_per_second
+
+    def show(self, canvas: Canvas) -> None:
+        """Show a picture and wait until the next is due."""
+        self._window.get_surface().blit(canvas.shown(), (0, 0))
+        self._window.flip()
+        self._clock.tick(self.frames_per_second)
+
+    def is_asked_to_close(self) -> bool:
+        """Return whether somebody has asked to close this window; others' requests are left to them."""
+        import pygame
+
+        pygame.event.pump()
+        if pygame.event.peek(pygame.QUIT):
+            return True
+        asked = pygame.event.get(pygame.WINDOWCLOSE)
+        for event in asked:
+            if event.window is not self._window:
+                pygame.event.post(event)
+        return any(event.window is self._window for event in asked)
+
+    def close(self) -> None:
+        """Close the window; again has no effect."""
+        if self._window is not None:
+            self._window.destroy()
+            self._window = None
+
+
+def check_ghost(ghost: ArrayLike) -> Array:
+    """Return the states of a ghost as floats, shape (n, 5); a ValueError for other shapes and what is not finite."""
+    states = np.asarray(ghost, dtype=np.float64)
+    if states.ndim != 2 or states.shape[1] != 5 or len(states) == 0:
+        raise ValueError(f"the ghost must be states [x, z, vx, vz, theta] of shape (K+1, 5), got shape {states.shape}")
+    if not np.isfinite(states).all():
+        raise ValueError("the ghost's states must be finite, got NaN or infinity")
+    return states
+
+
+def write_video(path: str | Path, frames: Iterable[NDArray[np.uint8]], fps: float = 50.0) -> Path:
+    """Write pictures as an .mp4 or .gif file, whole or not at all.
+
+    Args:
+        path: the file; its ending chooses the format.
+        frames: pictures of one size, each of shape (height, width, 3).
+        fps: pictures a second; a GIF shows at most 50.
+
+    Raises:
+        ValueError: for another ending, or no frames.
+    """
+    path = Path(path)
+    if path.suffix not in VIDEOS:
+        raise ValueError(f"unknown ending {path.suffix!r} of {path.name}; known: {', '.join(VIDEOS)}")
+    require("render", "imageio", *(["imageio_ffmpeg"] if path.suffix == ".mp4" else []))
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        if _write_frames(temporary, frames, fps) == 0:
+            raise ValueError(f"a video needs at least one frame, got none for {path.name}")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return path
+
+
+def _write_frames(path: Path, frames: Iterable[NDArray[np.uint8]], fps: float) -> int:
+    import imageio.v2 as imageio
+
+    options: dict[str, Any] = (
+        {"fps": fps, "macro_block_size": 2, "quality": 8}
+        if path.suffix == ".mp4"
+        else {"duration": round(1000 / fps), "loop": 0}
+    )
+    writer: Any = imageio.get_writer(path, **options)
+    number = 0
+    with writer:
+        for frame in frames:
+            writer.append_data(frame)
+            number += 1
+    return number
