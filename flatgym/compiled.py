@@ -6,14 +6,17 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
+from flatgym import fleet
 from flatgym.distributions import Distribution
-from flatgym.fleet import RECORD, Begun, Fleet, Flown, Mask
+from flatgym.fleet import Begun, Fleet, Flown, Mask, Record
 from flatgym.kernels import layout, passes
 from flatgym.kernels.layout import BLOCK, ROWS, SETTINGS
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario, Tolerance
 from flatgym.scene import Integers
 from flatgym.task import observation_names
+
+NUMBERS = len(fleet.ROWS)
 
 
 class CompiledFleet(Fleet):
@@ -24,7 +27,7 @@ class CompiledFleet(Fleet):
         self.columns = len(observation_names(course.observation))
         blocks = -(-n // BLOCK)
         self.flat = np.zeros(blocks * ROWS * BLOCK)
-        # Whole blocks are flown, so that no vehicle's arithmetic depends on its place in a batch.
+        # Whole groups are flown, so that no vehicle's arithmetic depends on its place in a batch.
         self._padded = np.zeros((blocks * BLOCK, 2))
         self.actions = self._padded[:n]
         self.hoops = np.zeros((n, course.hoops_most, 5))
@@ -34,24 +37,18 @@ class CompiledFleet(Fleet):
             self.pool = np.column_stack([course.starts.state, course.starts.hoops_passed])
         if isinstance(course.problem, Distribution):
             self.numbers[:] = course.problem.numbers
-            self._put(FLOOR_Z=-np.inf, CEILING_Z=np.inf)
         else:
             self._lay_out(course.problem)
         self.settings = np.zeros(1, dtype=SETTINGS)
         self._set()
-        nobody = 1 if self.same_step else 0
-        self._last = (n * nobody, self.columns), (len(RECORD), n * nobody)
+        self._no_final = np.empty((0, self.columns), dtype=np.float32), np.empty((NUMBERS, 0))
         self._fixed = (self.flat, self.ids, self.hoops, self.pool, self.settings, self.numbers)
 
     def _lay_out(self, scenario: Scenario) -> None:
         low_x, low_z, high_x, high_z = scenario.bounds
         self._put(
-            START_X=scenario.start[0],
-            START_Z=scenario.start[1],
             GOAL_X=scenario.goal[0],
             GOAL_Z=scenario.goal[1],
-            FLOOR_Z=-np.inf if scenario.floor is None else scenario.floor,
-            CEILING_Z=np.inf if scenario.ceiling is None else scenario.ceiling,
             LOW_X=low_x,
             LOW_Z=low_z,
             HIGH_X=high_x,
@@ -70,8 +67,15 @@ class CompiledFleet(Fleet):
         """Write the course to the record which the kernels read."""
         course = self.course
         values = asdict(course.quadrotor) | asdict(course.tolerance) | asdict(course.disturbances)
+        scenario = course.problem if isinstance(course.problem, Scenario) else None
+        start = (0.0, 0.0) if scenario is None else scenario.start
+        floor, ceiling = (None, None) if scenario is None else (scenario.floor, scenario.ceiling)
         values |= {
             "dt": course.dt,
+            "start_x": start[0],
+            "start_z": start[1],
+            "floor": -np.inf if floor is None else floor,
+            "ceiling": np.inf if ceiling is None else ceiling,
             "max_steps": course.problem.max_steps,
             "last_step": course.last_step,
             "share": self.share,
@@ -102,16 +106,18 @@ class CompiledFleet(Fleet):
             given[:, 1:6] = state
         if hoops_passed is not None:
             given[:, 6] = hoops_passed
-        begun = np.empty((self.n, self.columns), dtype=np.float32), np.empty((len(RECORD), self.n))
-        passes.reset(*self._fixed, given, *begun)
-        return begun
+        observation, record = np.empty((self.n, self.columns), dtype=np.float32), self._blank()
+        passes.reset(*self._fixed, given, observation, *record)
+        return observation, record
 
     def step(self) -> Flown:
         """Fly all one step; see `Fleet.step`."""
-        observation = np.empty((self.n, self.columns), dtype=np.float32)
-        record = np.empty((len(RECORD), self.n))
-        final_observation, final = np.empty(self._last[0], dtype=np.float32), np.empty(self._last[1])
-        ended = passes.step(*self._fixed, self.pending, self._padded, observation, record, final_observation, final)
-        if ended and self.same_step:
-            return Flown(observation, record, final_observation, final)
-        return Flown(observation, record)
+        observation, record, final = np.empty((self.n, self.columns), dtype=np.float32), self._blank(), self._no_final
+        if self.same_step:
+            final = np.empty_like(observation), np.empty_like(record.numbers)
+        ended = passes.step(*self._fixed, self.pending, self._padded, observation, *record, *final)
+        return Flown(observation, record, *final) if ended and self.same_step else Flown(observation, record)
+
+    def _blank(self) -> Record:
+        n = self.n
+        return Record(np.empty((NUMBERS, n)), np.empty((2, n), dtype=np.int64), np.empty((3, n), dtype=np.bool_))

@@ -13,7 +13,7 @@ from flatgym import catalogue
 from flatgym.catalogue import DEFAULT_SCENARIO, ProblemLike
 from flatgym.course import Course, Starts
 from flatgym.disturbances import Disturbances
-from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, fleet_of
+from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, fleet_of
 from flatgym.quadrotor import Array
 from flatgym.rendering.film import Film
 from flatgym.resetting import OPTIONS, begin, check_seed
@@ -43,8 +43,9 @@ def take_actions(actions: ArrayLike, into: Array) -> None:
     if values.shape != into.shape:
         raise ValueError(f"actions must have shape {into.shape}, got {values.shape}")
     into[...] = values
-    # The sum is finite only if all are.
-    if not math.isfinite(np.add.reduce(into, axis=None)) and not np.isfinite(into).all():
+    # The sum is finite only if all are; for few numbers Python adds faster.
+    total = sum(into.tolist()) if into.ndim == 1 else np.add.reduce(into, axis=None)
+    if not math.isfinite(total) and not np.isfinite(into).all():
         where = [tuple(map(int, index)) for index in np.argwhere(~np.isfinite(into))[:5]]
         raise ValueError(f"actions must be finite, got {into[~np.isfinite(into)][:5]} at indices {where}")
 
@@ -154,6 +155,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.course = Course(catalogue.problem(scenario), reward, observation, disturbances, starts)
         self.film = Film(self.course.problem, render_mode, ghost, scored=not disturbances.active)
         self.fleet = fleet_of(self.course, 1)
+        self._action = self.fleet.actions[0]
         self.render_mode = render_mode
         self.observation_space = observation_space(observation)
         self.action_space = action_space()
@@ -176,7 +178,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
             seed = int(self.np_random.integers(2**63))
         seeds = None if seed is None else np.array([seed], dtype=np.uint64)
         observation, record = begin(self.fleet, ALL, seeds, options or {}, OPTIONS)
-        self._outcome, info = FLYING, self._info(record[:, 0].tolist())
+        self._outcome, info = FLYING, self._info(record.numbers[:, 0].tolist())
         self.film.begin(self.scenario, info)
         return observation[0], info
 
@@ -187,13 +189,13 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
                 raise gym.error.ResetNeeded("call reset() before the first step()")
             word = OUTCOMES[self._outcome]
             raise gym.error.ResetNeeded(f"the flight has ended ({word!r}); call reset() before the next step()")
-        take_actions(action, self.fleet.actions[0])
-        observation, record, *_ = self.fleet.step()
-        row = record[:, 0].tolist()
+        take_actions(action, self._action)
+        flown = self.fleet.step()
+        row = flown.record.numbers[:, 0].tolist()
         info, end = self._info(row), int(row[END])
         self._outcome = end
         self.film.add(action, info)
-        return observation[0], row[REWARD], end not in (FLYING, TIME_LIMIT), end == TIME_LIMIT, info
+        return flown.observation[0], row[REWARD], end not in (FLYING, TIME_LIMIT), end == TIME_LIMIT, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the flight so far, shape (720, 960, 3); None in a window, which shows every step."""
@@ -204,11 +206,11 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.film.close()
 
     def _info(self, row: list[float]) -> dict[str, Any]:
-        steps, outcome = int(row[STEPS]), int(row[OUTCOME])
+        outcome = int(row[OUTCOME])
         return {
             "state": np.array(row[0:5]),
-            "time": steps * self.course.dt,
-            "steps": steps,
+            "time": row[TIME],
+            "steps": int(row[STEPS]),
             "hoops_passed": int(row[HOOPS_PASSED]),
             "is_success": outcome == GOAL,
             "outcome": OUTCOMES[outcome],

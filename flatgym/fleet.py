@@ -19,15 +19,37 @@ from flatgym.distributions import PER_HOOP, PLACED, Distribution
 from flatgym.draws import START, uniform
 from flatgym.quadrotor import Array
 from flatgym.scenario import BOUNDS_MARGIN, Scenario, Tolerance
-from flatgym.scene import FLYING, Integers, Scene
+from flatgym.scene import FLYING, GOAL, TIME_LIMIT, Integers, Scene
 
 Mask = NDArray[np.bool_]
 Seeds = NDArray[np.uint64]
 
 
-RECORD = ("x", "z", "vx", "vz", "theta", "steps", "hoops_passed", "outcome", "reward", "end")
-"""Rows of a record: how flights stand, the reward of the step, and the outcome if the step ended the flight, else 0."""
-STEPS, HOOPS_PASSED, OUTCOME, REWARD, END = range(5, 10)
+ROWS = ("x", "z", "vx", "vz", "theta", "steps", "hoops_passed", "outcome", "reward", "end", "time")
+"""Rows of a record's numbers; `end` is the outcome if the step ended the flight, else 0."""
+STEPS, HOOPS_PASSED, OUTCOME, REWARD, END, TIME = range(5, 11)
+
+
+class Record(NamedTuple):
+    """How n flights stand, and what the step gave them.
+
+    Attributes:
+        numbers: rows as in ROWS, shape (11, n).
+        counts: steps and hoops passed once more, shape (2, n), int64.
+        flags: whether the step ended the flight for good, whether only the clock did, whether the vehicle is at its
+            goal, shape (3, n).
+    """
+
+    numbers: Array
+    counts: Integers
+    flags: Mask
+
+    @classmethod
+    def of(cls, numbers: Array) -> Record:
+        """Return the record with these numbers."""
+        end, truncated = numbers[END] != FLYING, numbers[END] == TIME_LIMIT
+        flags = np.stack([end & ~truncated, truncated, numbers[OUTCOME] == GOAL])
+        return cls(numbers, numbers[STEPS : HOOPS_PASSED + 1].astype(np.int64), flags)
 
 
 class Flown(NamedTuple):
@@ -35,18 +57,18 @@ class Flown(NamedTuple):
 
     Attributes:
         observation: shape (n, components), float32.
-        record: rows as in RECORD, shape (10, n); who ended has begun anew in it, if that happens within the step.
-        final_observation, final: observations and record before that, right for the flights that ended only; None when
+        record: how the flights stand; who ended has begun anew in it, if that happens within the step.
+        final_observation, final: observations and numbers before that, right for the flights that ended only; None when
             none did, or when none begins anew within the step.
     """
 
     observation: NDArray[np.float32]
-    record: Array
+    record: Record
     final_observation: NDArray[np.float32] | None = None
     final: Array | None = None
 
 
-Begun = tuple[NDArray[np.float32], Array]
+Begun = tuple[NDArray[np.float32], Record]
 
 
 class Fleet:
@@ -118,7 +140,7 @@ class Fleet:
             hoops_passed: hoops that count as passed already, shape (n,), or None.
 
         Returns:
-            Observations, shape (n, components), and the record of all flights, shape (10, n).
+            Observations, shape (n, components), and the record of all flights.
         """
         self._start(np.flatnonzero(mask))
         if state is not None:
@@ -126,7 +148,7 @@ class Fleet:
         if hoops_passed is not None:
             self.situation = self.situation.put(mask, replace(self.situation, hoops_passed=hoops_passed))
         self.waits = self.waits & ~mask
-        return self._observe(), self._record(np.zeros(self.n), np.zeros(self.n))
+        return self._observe(), Record.of(self._numbers(np.zeros(self.n), np.zeros(self.n)))
 
     def _observe(self) -> NDArray[np.float32]:
         seen, disturbances = self.situation, self.course.disturbances
@@ -146,10 +168,10 @@ class Fleet:
             self._begin_next(idle)
         self.waits, final_observation, final = end != FLYING, None, None
         if self.same_step and self.waits.any():
-            final_observation, final = self._observe(), self._record(reward, end)
+            final_observation, final = self._observe(), self._numbers(reward, end)
             self._begin_next(self.waits)
             self.waits = np.zeros(self.n, dtype=bool)
-        return Flown(self._observe(), self._record(reward, end), final_observation, final)
+        return Flown(self._observe(), Record.of(self._numbers(reward, end)), final_observation, final)
 
     def _late(self, control: Array) -> Array:
         """Put controls into their queues and return those whose time has come; before the first, hover."""
@@ -180,9 +202,10 @@ class Fleet:
             self.situation.state[rows[drawn]] = pool.state[row]
             self.situation.hoops_passed[rows[drawn]] = pool.hoops_passed[row]
 
-    def _record(self, reward: Array, end: NDArray[Any]) -> Array:
+    def _numbers(self, reward: Array, end: NDArray[Any]) -> Array:
         now = self.situation
-        return np.vstack([now.state.T, now.steps, now.hoops_passed, now.outcome, reward, end])
+        time = now.steps * self.course.dt
+        return np.vstack([now.state.T, now.steps, now.hoops_passed, now.outcome, reward, end, time])
 
 
 def scene_of(course: Course, seeds: Seeds, episodes: Seeds) -> Scene:

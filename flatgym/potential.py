@@ -32,11 +32,11 @@ def rest_time(offset: Array, speed: Array, forward: Array, backward: Array) -> A
         speed: present speed [m/s], shape (...).
         forward, backward: largest accelerations either way [m/s^2], positive, shape (...).
     """
-    overshoots = offset < np.where(speed > 0, speed**2 / (2 * backward), -(speed**2) / (2 * forward))
+    overshoots = 2 * offset < speed * np.abs(speed) / np.where(speed > 0, backward, forward)
     offset, speed = np.where(overshoots, -offset, offset), np.where(overshoots, -speed, speed)
-    forward, backward = np.where(overshoots, backward, forward), np.where(overshoots, forward, backward)
-    peak = np.sqrt(np.maximum(0.0, (2 * forward * offset + speed**2) * backward / (forward + backward)))
-    return (peak - speed) / forward + peak / backward
+    # The time already spent, had it come from rest; from rest to rest it takes sqrt(2 (1/a + 1/b) way).
+    begun = speed / np.where(overshoots, backward, forward)
+    return np.sqrt((1 / forward + 1 / backward) * np.maximum(2 * offset + speed * begun, 0.0)) - begun
 
 
 def potential(scene: Scene, situation: Situation) -> Array:

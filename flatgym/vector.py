@@ -23,13 +23,13 @@ from flatgym.catalogue import DEFAULT_SCENARIO, Problem, ProblemLike
 from flatgym.course import Course, Starts
 from flatgym.disturbances import Disturbances
 from flatgym.env import action_space, observation_space, take_actions
-from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, Flown, Mask, Seeds, fleet_of
-from flatgym.quadrotor import Array
+from flatgym.fleet import OUTCOME, REWARD, TIME, Flown, Mask, Record, Seeds, fleet_of
 from flatgym.resetting import OPTIONS, begin, check_seed
 from flatgym.scenario import Tolerance
-from flatgym.scene import FLYING, GOAL, OUTCOMES, TIME_LIMIT
+from flatgym.scene import FLYING, OUTCOMES
 
 WORDS = np.array(OUTCOMES, dtype=object)
+_NOBODY = np.zeros(0, dtype=np.intp)
 
 
 class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
@@ -115,7 +115,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         super().reset(seed=None if seed is None or isinstance(seed, Sequence) else int(seed))
         observation, record = begin(self.fleet, mask, self._seeds(seed), options, (*OPTIONS, "reset_mask"))
         self._begun, self._ended = True, self._ended & ~mask
-        return observation, self._infos(record, self._all)
+        return observation, self._infos(record, self._all, np.flatnonzero(record.numbers[OUTCOME]))
 
     def step(
         self, actions: ArrayLike
@@ -129,38 +129,39 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
                 f"flights {np.flatnonzero(self._ended)[:5].tolist()} have ended; reset them first"
             )
         flown = self.fleet.step()
-        end, infos = flown.record[END], self._infos(flown.record, self._all)
-        truncated = end == TIME_LIMIT
-        ended = end != FLYING
+        terminated, truncated, _ = flown.record.flags
+        ended = terminated | truncated
+        standing = _NOBODY if flown.final is not None else np.flatnonzero(ended)
+        infos = self._infos(flown.record, self._all, standing)
         if self.autoreset_mode == AutoresetMode.DISABLED:
             self._ended = ended
         elif flown.final is not None:
             infos |= self._final(flown, ended)
-        return flown.observation, flown.record[REWARD], ended & ~truncated, truncated, infos
+        return flown.observation, flown.record.numbers[REWARD], terminated, truncated, infos
 
     def _final(self, flown: Flown, ended: Mask) -> dict[str, Any]:
         assert flown.final is not None
         assert flown.final_observation is not None
-        observations = np.full(self.num_envs, None, dtype=object)
-        for i in np.flatnonzero(ended):
+        observations, rows = np.full(self.num_envs, None, dtype=object), np.flatnonzero(ended)
+        for i in rows:
             observations[i] = flown.final_observation[i]
         return {
             "final_obs": observations,
             "_final_obs": ended,
-            "final_info": self._infos(np.where(ended, flown.final, 0.0), ended),
+            "final_info": self._infos(Record.of(np.where(ended, flown.final, 0.0)), ended, rows),
             "_final_info": ended,
         }
 
-    def _infos(self, record: Array, mask: Mask) -> dict[str, Any]:
-        # Almost all are flying: copying that word is faster than looking it up for each.
-        words, rows = self._flying.copy(), np.flatnonzero(record[OUTCOME])
-        words[rows] = WORDS[record[OUTCOME][rows].astype(np.intp)]
+    def _infos(self, record: Record, mask: Mask, rows: NDArray[np.intp]) -> dict[str, Any]:
+        """Return the infos; `rows` are the flights that have an outcome."""
+        words = self._flying.copy()  # faster than looking the word up for each
+        words[rows] = WORDS[record.numbers[OUTCOME, rows].astype(np.intp)]
         infos = {
-            "state": record[0:5].T,
-            "time": record[STEPS] * self.course.dt,
-            "steps": record[STEPS].astype(np.int64),
-            "hoops_passed": record[HOOPS_PASSED].astype(np.int64),
-            "is_success": record[OUTCOME] == GOAL,
+            "state": record.numbers[0:5].T,
+            "time": record.numbers[TIME],
+            "steps": record.counts[0],
+            "hoops_passed": record.counts[1],
+            "is_success": record.flags[2],
             "outcome": words,
         }
         return infos | {f"_{key}": mask for key in infos}

@@ -43,7 +43,9 @@ def bessel(a: float) -> Any:
 
 
 @vectors
-def squash(length: float, unit: float) -> float:
-    """Return length / (unit + |length|), 1 for what is very far."""
-    length = min(length, FAR)
-    return length / (unit + abs(length))
+def squash(one: float, other: float, unit: float) -> Any:
+    """Return length / (unit + |length|) for two lengths with one division; 1 for what is very far."""
+    one, other = min(one, FAR), min(other, FAR)
+    a, b = unit + abs(one), unit + abs(other)
+    share = 1 / (a * b)
+    return one * b * share, other * a * share

@@ -10,7 +10,6 @@ import numpy as np
 from flatgym.distributions import PER_HOOP, PLACED, TRIES, place
 from flatgym.disturbances import affect
 from flatgym.draws import DISTURBANCE, SCENE, START, uniform
-from flatgym.kernels.arithmetic import squash
 from flatgym.kernels.layout import (
     AHEAD1,
     AHEAD2,
@@ -32,13 +31,10 @@ from flatgym.kernels.layout import (
     PULL_X,
     PULL_Z,
     ROW,
-    START_X,
-    START_Z,
     STEPS,
     THETA,
     VX,
     VZ,
-    WAITS,
     WAY,
     WIDTH1,
     X1,
@@ -54,22 +50,24 @@ from flatgym.task import LENGTH_UNIT
 
 
 @compiled
-def start(f: Any, k: Any, c: Any, seed: Any, episode: Any, hoops: Any, numbers: Any, pool: Any) -> None:
+def start(f: Any, s: Any, k: Any, c: Any, lane: Any, world: Any) -> None:
     """Begin an episode: everything drawn, the vehicle at its start, its potential known."""
+    ids, all_hoops, pool, numbers = world
+    seed, episode, hoops = ids[0, lane], ids[1, lane], all_hoops[lane]
     if c.drawn:
         draw_scene(f, k, seed, episode, hoops, numbers)
     f[k + FACTOR], f[k + PULL_X], f[k + PULL_Z], f[k + DELAY] = 1.0, 0.0, -c.gravity, 0.0
     if c.disturbed:
         disturb(f, k, c, seed, episode)
-    f[k + X], f[k + Z], f[k + VX], f[k + VZ], f[k + THETA] = f[k + START_X], f[k + START_Z], 0.0, 0.0, 0.0
-    f[k + STEPS], f[k + PASSED], f[k + OUTCOME], f[k + WAITS] = 0.0, 0.0, FLYING, 0.0
+    f[k + X], f[k + Z], f[k + VX], f[k + VZ], f[k + THETA] = c.start_x, c.start_z, 0.0, 0.0, 0.0
+    f[k + STEPS], f[k + PASSED], f[k + OUTCOME] = 0.0, 0.0, FLYING
     if pool.shape[0] > 0 and uniform(seed, episode, np.uint64(START)) < c.share:
         row = int(uniform(seed, episode, np.uint64(START + 1)) * pool.shape[0])
         for j in range(5):
             f[k + X + ROW[j]] = pool[row, j]
         f[k + PASSED] = pool[row, 5]
     aim(f, k, hoops)
-    value(f, k, ONE, c)
+    value(f, s, k, ONE, c)
 
 
 @compiled
@@ -115,7 +113,7 @@ def aim(f: Any, k: Any, hoops: Any) -> None:
         else:
             f[r + X1], f[r + Z1] = f[k + GOAL_X], f[k + GOAL_Z]
             f[r + DX1], f[r + DZ1], f[r + GAP1] = 0.0, 0.0, 0.0
-        f[r + WIDTH1] = squash(f[r + GAP1], LENGTH_UNIT)
+        f[r + WIDTH1] = f[r + GAP1] / (LENGTH_UNIT + f[r + GAP1])
     x, z, way = f[k + X1], f[k + Z1], 0.0
     for i in range(j + 1, count):
         way += math.hypot(hoops[i, 0] - x, hoops[i, 1] - z)

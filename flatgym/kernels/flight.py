@@ -17,20 +17,17 @@ from flatgym.kernels.layout import (
     BVZ,
     BX,
     BZ,
-    CEILING_Z,
     COUNT,
     DELAY,
     DX1,
     DZ1,
     FACTOR,
     FLAG,
-    FLOOR_Z,
     GAP1,
     GOAL_X,
     GOAL_Z,
     HIGH_X,
     HIGH_Z,
-    LANES,
     LOW_X,
     LOW_Z,
     OUTCOME,
@@ -43,6 +40,7 @@ from flatgym.kernels.layout import (
     THRUST,
     VX,
     VZ,
+    WAITED,
     X1,
     Z1,
     X,
@@ -55,43 +53,43 @@ from flatgym.task import CONTACT_SLACK
 
 
 @vectors
-def command(f: Any, o: Any, c: Any, actions: Any, first: int) -> None:
+def command(s: Any, m: Any, c: Any, actions: Any, first: int) -> None:
     """Turn actions into thrust and rate; clipped to the box."""
     low, high, most = c.thrust_min, c.thrust_max, c.rate_max
-    for i in range(LANES):
+    for i in range(m):
         push, turn = actions[first + i, 0], actions[first + i, 1]
         push = (min(max(push, -1.0), 1.0) + 1) / 2
         turn = (min(max(turn, -1.0), 1.0) + 1) / 2
-        f[o + THRUST + i] = low * (1 - push) + high * push
-        f[o + RATE + i] = -most * (1 - turn) + most * turn
+        s[THRUST + i] = low * (1 - push) + high * push
+        s[RATE + i] = -most * (1 - turn) + most * turn
 
 
 @compiled
-def delay(f: Any, o: Any, n: Any, c: Any, pending: Any, first: int) -> None:
+def delay(f: Any, s: Any, o: Any, n: Any, c: Any, pending: Any, first: int) -> None:
     """Put the commands into their queues, and take out those whose time has come; before the first, hover."""
     slots = pending.shape[1]
     for i in range(n):
         lane, step, late = first + i, int(f[o + STEPS + i]), int(f[o + DELAY + i])
-        pending[lane, step % slots, 0] = f[o + THRUST + i]
-        pending[lane, step % slots, 1] = f[o + RATE + i]
+        pending[lane, step % slots, 0] = s[THRUST + i]
+        pending[lane, step % slots, 1] = s[RATE + i]
         if late > step:
-            f[o + THRUST + i], f[o + RATE + i] = c.gravity, 0.0
+            s[THRUST + i], s[RATE + i] = c.gravity, 0.0
         else:
-            f[o + THRUST + i] = pending[lane, (step - late) % slots, 0]
-            f[o + RATE + i] = pending[lane, (step - late) % slots, 1]
+            s[THRUST + i] = pending[lane, (step - late) % slots, 0]
+            s[RATE + i] = pending[lane, (step - late) % slots, 1]
 
 
 @vectors
-def fly(f: Any, o: Any, h: float) -> None:
+def fly(f: Any, s: Any, o: Any, m: Any, h: float) -> None:
     """Fly the exact step of `flatgym.quadrotor`; no step makes a whole turn, so |rate| h / 2 <= pi."""
-    for i in range(LANES):
+    for i in range(m):
         k = o + i
         x, z, vx, vz, theta = f[k + X], f[k + Z], f[k + VX], f[k + VZ], f[k + THETA]
-        pull_x, pull_z, rate = f[k + PULL_X], f[k + PULL_Z], f[k + RATE]
-        a, dv = rate * h / 2, f[k + THRUST] * f[k + FACTOR] * h
+        pull_x, pull_z, rate = f[k + PULL_X], f[k + PULL_Z], s[i + RATE]
+        a, dv = rate * h / 2, s[i + THRUST] * f[k + FACTOR] * h
         j0, j1 = bessel(a)
         sine, cosine = sine_cosine(theta + a)
-        f[k + BX], f[k + BZ], f[k + BVX], f[k + BVZ], f[k + BTHETA] = x, z, vx, vz, theta
+        s[i + BX], s[i + BZ], s[i + BVX], s[i + BVZ], s[i + BTHETA] = x, z, vx, vz, theta
         f[k + X] = x + (vx + pull_x * h / 2) * h + dv * h / 2 * (j0 * sine - j1 * cosine)
         f[k + Z] = z + (vz + pull_z * h / 2) * h + dv * h / 2 * (j0 * cosine + j1 * sine)
         f[k + VX] = vx + dv * j0 * sine + pull_x * h
@@ -100,43 +98,48 @@ def fly(f: Any, o: Any, h: float) -> None:
 
 
 @vectors
-def suspect(f: Any, o: Any, h: float, radius: float) -> int:
+def suspect(f: Any, s: Any, o: Any, m: Any, c: Any) -> int:
     """Mark the vehicles that may have met a hoop, the floor or the ceiling inside the step; return how many.
 
     An arc strays from its chord by at most |p''| h^2 / 8, and |p''| is at most thrust and pull together.
     """
-    marked = 0
-    for i in range(LANES):
+    h, radius, floor, ceiling, marked = c.dt, c.radius, c.floor, c.ceiling, 0
+    for i in range(m):
         k = o + i
-        bow = f[k + THRUST] * f[k + FACTOR] + abs(f[k + PULL_X]) + abs(f[k + PULL_Z])
+        bow = s[i + THRUST] * f[k + FACTOR] + abs(f[k + PULL_X]) + abs(f[k + PULL_Z])
         bow = bow * h * h / 8
         dx, dz, x, z = f[k + DX1], f[k + DZ1], f[k + X] - f[k + X1], f[k + Z] - f[k + Z1]
-        bx, bz = f[k + BX] - f[k + X1], f[k + BZ] - f[k + Z1]
+        bx, bz = s[i + BX] - f[k + X1], s[i + BZ] - f[k + Z1]
         along, before = x * dx + z * dz, bx * dx + bz * dz
         aside, aside_before = z * dx - x * dz, bz * dx - bx * dz
         crosses = (min(along, before) - bow < 0) & (max(along, before) + bow >= 0)
         gap = f[k + GAP1] / 2 - radius + bow
         inside = (min(aside, aside_before) <= gap) & (max(aside, aside_before) >= -gap)
-        low = min(f[k + Z], f[k + BZ]) - bow < f[k + FLOOR_Z]
-        high = max(f[k + Z], f[k + BZ]) + bow > f[k + CEILING_Z]
+        # With a speed that keeps its sign, by the bound of |p'''|, the extremes are the ends.
+        bend = s[i + THRUST] * f[k + FACTOR] * abs(s[i + RATE]) * h * h / 8
+        steady = (min(f[k + VZ], s[i + BVZ]) >= bend) | (max(f[k + VZ], s[i + BVZ]) <= -bend)
+        stray = 0.0 if steady else bow
+        low = min(f[k + Z], s[i + BZ]) - stray < floor
+        high = max(f[k + Z], s[i + BZ]) + stray > ceiling
         met = ((f[k + AHEAD1] > 0) & crosses & inside) | low | high
-        f[k + FLAG] = 1.0 if met else 0.0
+        s[i + FLAG] = 1.0 if met else 0.0
         marked += 1 if met else 0
     return marked
 
 
 @compiled
-def arc_of(f: Any, k: Any) -> Any:
+def arc_of(f: Any, s: Any, k: Any, i: Any) -> Any:
     """Return the arc of the step just flown, as `flatgym.events` wants it."""
-    thrust = f[k + THRUST] * f[k + FACTOR]
-    state = (f[k + BX], f[k + BZ], f[k + BVX], f[k + BVZ], f[k + BTHETA])
-    return (*state, thrust, f[k + RATE], f[k + PULL_X], f[k + PULL_Z])
+    thrust = s[i + THRUST] * f[k + FACTOR]
+    state = (s[i + BX], s[i + BZ], s[i + BVX], s[i + BVZ], s[i + BTHETA])
+    return (*state, thrust, s[i + RATE], f[k + PULL_X], f[k + PULL_Z])
 
 
 @compiled
-def meet(f: Any, k: Any, c: Any, hoops: Any) -> int:
+def meet(f: Any, s: Any, k: Any, i: Any, c: Any, hoops: Any) -> int:
     """Pass the hoops met inside the step, and return the outcome if a rim, the floor or the ceiling was touched."""
-    arc, touched, time = arc_of(f, k), FLYING, 0.0
+    arc, touched, time = arc_of(f, s, k, i), FLYING, 0.0
+    floor, ceiling = c.floor, c.ceiling
     j, count = int(f[k + PASSED]), int(f[k + COUNT])
     while j < count:
         x, z, dx, dz, gap = hoops[j, 0], hoops[j, 1], hoops[j, 2], hoops[j, 3], hoops[j, 4]
@@ -150,10 +153,11 @@ def meet(f: Any, k: Any, c: Any, hoops: Any) -> int:
         f[k + PASSED] = j
         aim(f, k, hoops)
     # A way no vehicle can rise or fall within the step; mostly only one of the two is near.
-    reach = (abs(f[k + BVZ]) + (arc[5] + abs(arc[8])) * c.dt) * c.dt
-    if f[k + BZ] + reach > f[k + CEILING_Z] and -lowest(arc, c.dt, 0.0, -1.0) > f[k + CEILING_Z] + CONTACT_SLACK:
+    reach = (abs(s[i + BVZ]) + (arc[5] + abs(arc[8])) * c.dt) * c.dt
+    if s[i + BZ] + reach > ceiling and -lowest(arc, c.dt, 0.0, -1.0) > ceiling + CONTACT_SLACK:
         touched = CEILING
-    if f[k + BZ] - reach < f[k + FLOOR_Z] and lowest(arc, c.dt, 0.0, 1.0) < f[k + FLOOR_Z] - CONTACT_SLACK:
+    below = s[i + BZ] - reach < floor
+    if f[k + Z] < floor - CONTACT_SLACK or (below and lowest(arc, c.dt, 0.0, 1.0) < floor - CONTACT_SLACK):
         touched = FLOOR
     if c.radius > 0 and touches_rim(arc, c.dt, c.radius, hoops, count):
         touched = COLLISION
@@ -161,13 +165,13 @@ def meet(f: Any, k: Any, c: Any, hoops: Any) -> int:
 
 
 @compiled
-def happen(f: Any, o: Any, n: Any, c: Any, hoops: Any, first: int) -> None:
+def happen(f: Any, s: Any, o: Any, n: Any, m: Any, c: Any, hoops: Any, first: int) -> None:
     """Look closely at those who may have met something."""
-    if suspect(f, o, c.dt, c.radius) == 0 and c.radius == 0:
+    if suspect(f, s, o, m, c) == 0 and c.radius == 0:
         return
     for i in range(n):
-        if c.radius > 0 or f[o + FLAG + i] > 0:
-            f[o + FLAG + i] = meet(f, o + i, c, hoops[first + i])
+        if c.radius > 0 or s[FLAG + i] > 0:
+            s[FLAG + i] = meet(f, s, o + i, i, c, hoops[first + i])
 
 
 @compiled
@@ -183,10 +187,10 @@ def touches_rim(arc: Any, h: float, radius: float, hoops: Any, count: int) -> bo
 
 
 @vectors
-def judge(f: Any, o: Any, c: Any) -> None:
+def judge(f: Any, s: Any, o: Any, m: Any, c: Any) -> None:
     """Count the step and say how the flight stands; FLAG holds the outcome of a contact, which comes first."""
     position, speed, angle, most = c.position, c.speed, c.angle, c.last_step
-    for i in range(LANES):
+    for i in range(m):
         k = o + i
         x, z, vx, vz, theta = f[k + X], f[k + Z], f[k + VX], f[k + VZ], f[k + THETA]
         gx, gz = x - f[k + GOAL_X], z - f[k + GOAL_Z]
@@ -198,6 +202,7 @@ def judge(f: Any, o: Any, c: Any) -> None:
         code = float(TIME_LIMIT) if steps >= most else float(FLYING)
         code = float(GOAL) if there else code
         code = float(OUT_OF_BOUNDS) if outside else code
-        code = f[k + FLAG] if f[k + FLAG] > 0 else code
+        code = s[i + FLAG] if s[i + FLAG] > 0 else code
         f[k + STEPS] = steps
+        s[i + WAITED] = f[k + OUTCOME]
         f[k + OUTCOME] = code

@@ -1,13 +1,16 @@
 """How the vehicles of a batch lie in memory, and how the kernels are compiled.
 
-One float64 array holds everything that flies, in blocks of BLOCK vehicles, each a table of ROWS rows: so a block stays
-in the nearest cache while the phases of a step pass over it, and the loop over its columns runs in the processor's
-vector registers. Offsets are unsigned, because an index that might be negative keeps the compiler from using vectors.
+One float64 array `f` holds everything that flies, in blocks of BLOCK vehicles, each a table of ROWS rows; a block stays
+in the nearest cache while the phases of a step pass over it, and the loops over its columns run in the processor's
+vector registers. A smaller table `s` holds what only the phases tell each other, and `t` what is seen. A row is named
+by its offset: f[k + X] with k = o + i is x of vehicle i of the block at o. Offsets are unsigned, because an index that
+might be negative keeps the compiler from using vectors.
 """
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from itertools import count, islice
 from pathlib import Path
 
@@ -29,32 +32,37 @@ cached = numba.njit(cache=True, error_model="numpy")
 for shared in (mix, uniform, normal, place, affect):
     register_jitable(shared)
 
-BLOCK = 32
-_offsets = count(step=BLOCK)
+BLOCK = 64
 
 
-def rows(n: int) -> tuple[np.uint64, ...]:
-    """Return the offsets of the next n rows of a block."""
-    return tuple(np.uint64(offset) for offset in islice(_offsets, n))
+def offsets() -> Callable[[int], tuple[np.uint64, ...]]:
+    """Return a function which gives the offsets of the next n rows of a table of blocks."""
+    numbers = count(step=BLOCK)
+    return lambda n: tuple(np.uint64(offset) for offset in islice(numbers, n))
 
 
+rows = offsets()  # of what stays from step to step: it is large, and moving it takes longer than reckoning with it
 X, Z, VX, VZ, THETA = rows(5)  # the state
-MX, MZ, MVX, MVZ, MTHETA = rows(5)  # the state as measured
-BX, BZ, BVX, BVZ, BTHETA = rows(5)  # the state before the step
-THRUST, RATE, FACTOR, PULL_X, PULL_Z, DELAY = rows(6)  # what drives it
-START_X, START_Z, GOAL_X, GOAL_Z, COUNT = rows(5)  # the scene
-FLOOR_Z, CEILING_Z, LOW_X, LOW_Z, HIGH_X, HIGH_Z = rows(6)
+FACTOR, PULL_X, PULL_Z, DELAY = rows(4)  # what drives it, beside the commands
+GOAL_X, GOAL_Z, COUNT, LOW_X, LOW_Z, HIGH_X, HIGH_Z = rows(7)  # the scene
 AHEAD1, X1, Z1, DX1, DZ1, GAP1, WIDTH1 = rows(7)  # is there a next hoop? the hoop, or else the goal; its gap as seen
 AHEAD2, X2, Z2, DX2, DZ2, _, WIDTH2 = rows(7)  # the same of the hoop after it
-WAY, STEPS, PASSED, OUTCOME = rows(4)  # the way from the next hoop on to the goal; how the flight stands
-WAITS, POTENTIAL, BEFORE, FLAG = rows(4)  # whether the next step begins anew; the potential, before, and scratch
-REWARD, END = rows(2)  # of the step; how the flight ended, if it did
-ROW = tuple(np.uint64(i * BLOCK) for i in range(len(OBSERVATION_NAMES)))
-"""Offsets of rows from another."""
-OBSERVED = rows(len(ROW))[0]
-ROWS = next(_offsets) // BLOCK
+WAY, STEPS, PASSED, OUTCOME, POTENTIAL = rows(5)  # the way from the next hoop on to the goal; how the flight stands
+ROWS = int(rows(1)[0]) // BLOCK
+
+rows = offsets()  # of what is forgotten with each block
+BX, BZ, BVX, BVZ, BTHETA, THRUST, RATE = rows(7)  # the state before the step, and the commands
+MX, MZ, MVX, MVZ, MTHETA = rows(5)  # the state as measured
+WAITED, BEFORE, FLAG, REWARD, END = rows(5)  # outcome and potential before; marks; what the step gave
+SCRATCH = int(rows(1)[0])
+
+ROW = offsets()(len(OBSERVATION_NAMES))  # of what is seen; and to count rows from another
+SEEN = len(ROW) * BLOCK
+
 SPAN = np.uint64(ROWS * BLOCK)
 NONE, ONE, LANES = np.uint64(0), np.uint64(1), np.uint64(BLOCK)
+GROUP = np.uint64(16)
+"""Vehicles are reckoned with in whole groups, so that nobody's rounding depends on his place in a batch."""
 
 
 def sources() -> str:
@@ -74,6 +82,7 @@ SETTINGS = np.dtype(
         (name, np.float64)
         for name in (
             *("dt", "thrust_min", "thrust_max", "rate_max", "gravity", "radius"),
+            *("start_x", "start_z", "floor", "ceiling"),
             *("position", "speed", "angle", "max_steps", "last_step"),
             *("wind", "thrust_gain", "mass", "action_delay", "sensor_noise", "share"),
         )

@@ -10,6 +10,7 @@ from flatgym.kernels.beginning import aim, start
 from flatgym.kernels.flight import command, delay, fly, happen, judge
 from flatgym.kernels.layout import (
     END,
+    GROUP,
     LANES,
     NONE,
     ONE,
@@ -17,9 +18,11 @@ from flatgym.kernels.layout import (
     PASSED,
     REWARD,
     ROW,
+    SCRATCH,
+    SEEN,
     SPAN,
     STEPS,
-    WAITS,
+    WAITED,
     X,
     cached,
     compiled,
@@ -27,64 +30,90 @@ from flatgym.kernels.layout import (
 )
 from flatgym.kernels.sight import show
 from flatgym.kernels.worth import pay, value
+from flatgym.scene import FLYING, GOAL, TIME_LIMIT
 
 
 @vectors
-def tell(f: Any, o: Any, n: Any, first: Any, record: Any) -> None:
-    """Write how the flights stand; rows of `record` as in `flatgym.fleet`."""
+def tell(f: Any, s: Any, o: Any, n: Any, first: Any, dt: float, numbers: Any) -> None:
+    """Write how the flights stand; rows as in `flatgym.fleet.ROWS`."""
     for j in range(5):
         for i in range(n):
-            record[j, first + i] = f[o + X + ROW[j] + i]
+            numbers[j, first + i] = f[o + X + ROW[j] + i]
     for i in range(n):
         k, lane = o + i, first + i
-        record[5, lane], record[6, lane], record[7, lane] = f[k + STEPS], f[k + PASSED], f[k + OUTCOME]
-        record[8, lane], record[9, lane] = f[k + REWARD], f[k + END]
+        numbers[5, lane], numbers[6, lane], numbers[7, lane] = f[k + STEPS], f[k + PASSED], f[k + OUTCOME]
+        numbers[8, lane], numbers[9, lane], numbers[10, lane] = s[i + REWARD], s[i + END], f[k + STEPS] * dt
 
 
 @vectors
-def stirring(f: Any, o: Any, n: Any) -> int:
+def summarize(f: Any, s: Any, o: Any, n: Any, first: Any, counts: Any, flags: Any) -> None:
+    """Write what follows from the numbers; see `flatgym.fleet.Record`."""
+    for i in range(n):
+        lane, end = first + i, s[i + END]
+        flags[0, lane] = (end != FLYING) & (end != TIME_LIMIT)
+        flags[1, lane] = end == TIME_LIMIT
+        flags[2, lane] = f[o + OUTCOME + i] == GOAL
+    for i in range(n):
+        counts[0, first + i] = int(f[o + STEPS + i])
+        counts[1, first + i] = int(f[o + PASSED + i])
+
+
+@vectors
+def stirring(s: Any, n: Any) -> int:
     """Return how many of a block have ended or begin anew."""
     busy = 0
     for i in range(n):
-        busy += 1 if f[o + WAITS + i] + f[o + END + i] > 0 else 0
+        busy += 1 if s[WAITED + i] + s[END + i] > 0 else 0
     return busy
 
 
 @compiled
-def renew(f: Any, o: Any, n: Any, flag: Any, c: Any, ids: Any, hoops: Any, pool: Any, numbers: Any, first: Any) -> None:
+def renew(f: Any, s: Any, o: Any, n: Any, flag: Any, c: Any, world: Any, first: Any) -> None:
     """Begin the next episode of those of a block whose row `flag` is above zero."""
     for i in range(n):
-        if f[o + flag + i] > 0:
-            lane = first + i
-            ids[1, lane] += ONE
-            start(f, o + i, c, ids[0, lane], ids[1, lane], hoops[lane], numbers, pool)
+        if s[flag + i] > 0:
+            world[0][1, first + i] += ONE
+            start(f, s, o + i, c, first + i, world)
 
 
 @cached
 def reset(
-    f: Any, ids: Any, hoops: Any, pool: Any, settings: Any, numbers: Any, given: Any, observation: Any, record: Any
+    f: Any,
+    ids: Any,
+    hoops: Any,
+    pool: Any,
+    settings: Any,
+    numbers: Any,
+    given: Any,
+    observation: Any,
+    told: Any,
+    counts: Any,
+    flags: Any,
 ) -> None:
     """Begin an episode for all whose row of `given` begins with 1; what of it is not nan replaces what was drawn.
 
     A row of `given` is [1 or 0, x, z, vx, vz, theta, hoops passed].
     """
-    c, count = settings[0], np.uint64(ids.shape[1])
+    c, count, s = settings[0], np.uint64(ids.shape[1]), np.zeros(SCRATCH)
+    t, world = np.empty(SEEN, dtype=np.float32), (ids, hoops, pool, numbers)
     for first in range(NONE, count, LANES):
         o, n = first // LANES * SPAN, min(LANES, count - first)
+        m = (n + GROUP - ONE) // GROUP * GROUP
         for i in range(n):
             k, lane = o + i, first + i
             if given[lane, 0] == 0:
                 continue
-            start(f, k, c, ids[0, lane], ids[1, lane], hoops[lane], numbers, pool)
+            start(f, s, k, c, lane, world)
             for j in range(5):
                 if given[lane, 1 + j] == given[lane, 1 + j]:
                     f[k + X + ROW[j]] = given[lane, 1 + j]
             if given[lane, 6] == given[lane, 6]:
                 f[k + PASSED] = given[lane, 6]
             aim(f, k, hoops[lane])
-            value(f, k, ONE, c)
-        tell(f, o, n, first, record)
-        show(f, o, n, c, ids, first, observation)
+            value(f, s, k, ONE, c)
+        tell(f, s, o, n, first, c.dt, told)
+        summarize(f, s, o, n, first, counts, flags)
+        show(f, s, t, o, n, m, c, ids, first, observation)
 
 
 @cached
@@ -98,32 +127,35 @@ def step(
     pending: Any,
     actions: Any,
     observation: Any,
-    record: Any,
+    told: Any,
+    counts: Any,
+    flags: Any,
     final_observation: Any,
     final: Any,
 ) -> int:
     """Fly all vehicles one step and begin anew what has ended; return how many begin anew now or in the next step."""
-    c, count, ended = settings[0], np.uint64(ids.shape[1]), 0
+    c, count, ended, s = settings[0], np.uint64(ids.shape[1]), 0, np.zeros(SCRATCH)
+    t, world = np.empty(SEEN, dtype=np.float32), (ids, hoops, pool, numbers)
     for first in range(NONE, count, LANES):
         o, n = first // LANES * SPAN, min(LANES, count - first)
-        command(f, o, c, actions, first)
+        m = (n + GROUP - ONE) // GROUP * GROUP
+        command(s, m, c, actions, first)
         if c.action_delay > 0:
-            delay(f, o, n, c, pending, first)
-        fly(f, o, c.dt)
-        happen(f, o, n, c, hoops, first)
-        judge(f, o, c)
-        value(f, o, LANES, c)
-        pay(f, o, c)
-        busy = stirring(f, o, n)
+            delay(f, s, o, n, c, pending, first)
+        fly(f, s, o, m, c.dt)
+        happen(f, s, o, n, m, c, hoops, first)
+        judge(f, s, o, m, c)
+        value(f, s, o, m, c)
+        pay(f, s, o, m, c)
+        busy = stirring(s, n)
         if busy > 0 and c.same_step:
-            tell(f, o, n, first, final)
-            show(f, o, n, c, ids, first, final_observation)
-            renew(f, o, n, END, c, ids, hoops, pool, numbers, first)
+            tell(f, s, o, n, first, c.dt, final)
+            show(f, s, t, o, n, m, c, ids, first, final_observation)
+            renew(f, s, o, n, END, c, world, first)
         elif busy > 0:
-            renew(f, o, n, WAITS, c, ids, hoops, pool, numbers, first)
-            for i in range(n):
-                f[o + WAITS + i] = f[o + END + i]
+            renew(f, s, o, n, WAITED, c, world, first)
         ended += busy
-        tell(f, o, n, first, record)
-        show(f, o, n, c, ids, first, observation)
+        tell(f, s, o, n, first, c.dt, told)
+        summarize(f, s, o, n, first, counts, flags)
+        show(f, s, t, o, n, m, c, ids, first, observation)
     return ended

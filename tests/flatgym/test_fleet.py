@@ -11,7 +11,7 @@ from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS, Disturbances, Hoop, Quad
 from flatgym.catalogue import problem
 from flatgym.compiled import CompiledFleet
 from flatgym.course import Course, Starts
-from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, STEPS, Fleet, fleet_of
+from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, Fleet, fleet_of
 
 N = 60
 ALL = np.ones(N, dtype=bool)
@@ -46,8 +46,8 @@ def lockstep(course, steps, same_step=True, seed=3):
             actions = generator.uniform(-1.3, 1.3, (N, 2))
         plain, fast = (fly(fleet, actions) for fleet in fleets)
         agree(plain, fast)
-        met += np.bincount(plain.record[END].astype(int), minlength=len(OUTCOMES))
-        passed += int(plain.record[HOOPS_PASSED].sum())
+        met += np.bincount(plain.record.numbers[END].astype(int), minlength=len(OUTCOMES))
+        passed += int(plain.record.numbers[HOOPS_PASSED].sum())
     return dict(zip(OUTCOMES, met, strict=True)), passed
 
 
@@ -58,11 +58,13 @@ def fly(fleet, actions):
 
 def agree(plain, fast):
     np.testing.assert_allclose(plain.observation, fast.observation, atol=2e-7)
-    np.testing.assert_allclose(plain.record, fast.record, atol=1e-9)
-    np.testing.assert_array_equal(plain.record[STEPS : OUTCOME + 1], fast.record[STEPS : OUTCOME + 1])
+    np.testing.assert_allclose(plain.record.numbers, fast.record.numbers, atol=1e-9)
+    np.testing.assert_array_equal(plain.record.numbers[OUTCOME], fast.record.numbers[OUTCOME])
+    np.testing.assert_array_equal(plain.record.counts, fast.record.counts)
+    np.testing.assert_array_equal(plain.record.flags, fast.record.flags)
     assert (plain.final is None) == (fast.final is None)
     if plain.final is not None:
-        ended = plain.record[END] > 0
+        ended = plain.record.numbers[END] > 0
         np.testing.assert_allclose(plain.final[:, ended], fast.final[:, ended], atol=1e-9)
         np.testing.assert_allclose(plain.final_observation[ended], fast.final_observation[ended], atol=2e-7)
 
@@ -125,7 +127,7 @@ def test_tolerance_and_share_may_change_on_the_way():
     for plain, fast in zip(flown[:40], flown[40:], strict=True):
         agree(plain, fast)
     assert {fleet.course.tolerance for fleet in fleets} == {eased}
-    goals = np.array([np.sum(step.record[OUTCOME] == OUTCOMES.index("goal")) for step in flown[:40]])
+    goals = np.array([np.sum(step.record.numbers[OUTCOME] == OUTCOMES.index("goal")) for step in flown[:40]])
     assert goals[20] > goals[19]
 
 
@@ -135,9 +137,9 @@ def test_given_starts_replace_drawn_ones():
         fleet.reset(ALL)
         states = np.random.default_rng(0).normal(size=(N, 5))
         _, record = fleet.reset(mask, states, np.full(N, 2))
-        np.testing.assert_array_equal(record[0:5, mask].T, states[mask])
-        assert not record[0:5, ~mask].any()
-        np.testing.assert_array_equal(record[HOOPS_PASSED], 2 * mask)
+        np.testing.assert_array_equal(record.numbers[0:5, mask].T, states[mask])
+        assert not record.numbers[0:5, ~mask].any()
+        np.testing.assert_array_equal(record.counts[1], 2 * mask)
 
 
 def test_without_numba_numpy_flies():
