@@ -8,7 +8,7 @@ import numpy as np
 
 from flatgym import fleet
 from flatgym.distributions import Distribution
-from flatgym.fleet import Begun, Fleet, Flown, Mask, Record
+from flatgym.fleet import Begun, Fleet, Flown, Mask, Record, not_finite
 from flatgym.kernels import layout, passes
 from flatgym.kernels.layout import BLOCK, ROWS, SETTINGS
 from flatgym.quadrotor import Array
@@ -41,6 +41,7 @@ class CompiledFleet(Fleet):
             self._lay_out(course.problem)
         self.settings = np.zeros(1, dtype=SETTINGS)
         self._set()
+        self._ended = np.zeros(n, dtype=np.int64)
         self._no_final = np.empty((0, self.columns), dtype=np.float32), np.empty((NUMBERS, 0))
         self._fixed = (self.flat, self.ids, self.hoops, self.pool, self.settings, self.numbers)
 
@@ -115,8 +116,13 @@ class CompiledFleet(Fleet):
         observation, record, final = np.empty((self.n, self.columns), dtype=np.float32), self._blank(), self._no_final
         if self.same_step:
             final = np.empty_like(observation), np.empty_like(record.numbers)
-        ended = passes.step(*self._fixed, self.pending, self._padded, observation, *record, *final)
-        return Flown(observation, record, *final) if ended and self.same_step else Flown(observation, record)
+        ended = passes.step(*self._fixed, self.pending, self._padded, observation, *record, self._ended, *final)
+        if ended < 0:
+            raise not_finite(self.actions)
+        rows = self._ended[:ended].copy()
+        return (
+            Flown(observation, record, rows, *final) if ended and self.same_step else Flown(observation, record, rows)
+        )
 
     def _blank(self) -> Record:
         n = self.n

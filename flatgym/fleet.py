@@ -58,12 +58,14 @@ class Flown(NamedTuple):
     Attributes:
         observation: shape (n, components), float32.
         record: how the flights stand; who ended has begun anew in it, if that happens within the step.
+        ended: numbers of the flights that ended.
         final_observation, final: observations and numbers before that, right for the flights that ended only; None when
             none did, or when none begins anew within the step.
     """
 
     observation: NDArray[np.float32]
     record: Record
+    ended: Integers
     final_observation: NDArray[np.float32] | None = None
     final: Array | None = None
 
@@ -81,7 +83,7 @@ class Fleet:
             its action.
 
     Attributes:
-        actions: finite actions for the next step, shape (n, 2); they are clipped to the box.
+        actions: actions for the next step, shape (n, 2); they are clipped to the box.
     """
 
     def __init__(self, course: Course, n: int, same_step: bool = False) -> None:
@@ -158,7 +160,9 @@ class Fleet:
         return task.observe(self.scene, seen, self.course.observation)
 
     def step(self) -> Flown:
-        """Fly all one step under `actions`."""
+        """Fly all one step under `actions`; a ValueError names those that are not finite, and nobody has flown then."""
+        if not np.isfinite(self.actions).all():
+            raise not_finite(self.actions)
         control = self._late(self.course.quadrotor.control(np.clip(self.actions, -1.0, 1.0)))
         before, idle = self.situation, self.waits
         after = self.situation = task.advance(self.scene, before, control)
@@ -171,7 +175,8 @@ class Fleet:
             final_observation, final = self._observe(), self._numbers(reward, end)
             self._begin_next(self.waits)
             self.waits = np.zeros(self.n, dtype=bool)
-        return Flown(self._observe(), Record.of(self._numbers(reward, end)), final_observation, final)
+        record, ended = Record.of(self._numbers(reward, end)), np.flatnonzero(end)
+        return Flown(self._observe(), record, ended, final_observation, final)
 
     def _late(self, control: Array) -> Array:
         """Put controls into their queues and return those whose time has come; before the first, hover."""
@@ -206,6 +211,13 @@ class Fleet:
         now = self.situation
         time = now.steps * self.course.dt
         return np.vstack([now.state.T, now.steps, now.hoops_passed, now.outcome, reward, end, time])
+
+
+def not_finite(actions: Array) -> ValueError:
+    """Return the error that names the actions which are not finite."""
+    wrong = ~np.isfinite(actions)
+    where = [tuple(map(int, index)) for index in np.argwhere(wrong)[:5]]
+    return ValueError(f"actions must be finite, got {actions[wrong][:5]} at indices {where}")
 
 
 def scene_of(course: Course, seeds: Seeds, episodes: Seeds) -> Scene:

@@ -130,32 +130,30 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             )
         flown = self.fleet.step()
         terminated, truncated, _ = flown.record.flags
-        ended = terminated | truncated
-        standing = _NOBODY if flown.final is not None else np.flatnonzero(ended)
-        infos = self._infos(flown.record, self._all, standing)
+        infos = self._infos(flown.record, self._all, _NOBODY if flown.final is not None else flown.ended)
         if self.autoreset_mode == AutoresetMode.DISABLED:
-            self._ended = ended
+            self._ended = terminated | truncated
         elif flown.final is not None:
-            infos |= self._final(flown, ended)
+            infos |= self._final(flown, terminated | truncated)
         return flown.observation, flown.record.numbers[REWARD], terminated, truncated, infos
 
-    def _final(self, flown: Flown, ended: Mask) -> dict[str, Any]:
+    def _final(self, flown: Flown, mask: Mask) -> dict[str, Any]:
         assert flown.final is not None
         assert flown.final_observation is not None
-        observations, rows = np.full(self.num_envs, None, dtype=object), np.flatnonzero(ended)
-        for i in rows:
+        observations = np.full(self.num_envs, None, dtype=object)
+        for i in flown.ended:
             observations[i] = flown.final_observation[i]
         return {
             "final_obs": observations,
-            "_final_obs": ended,
-            "final_info": self._infos(Record.of(np.where(ended, flown.final, 0.0)), ended, rows),
-            "_final_info": ended,
+            "_final_obs": mask,
+            "final_info": self._infos(Record.of(np.where(mask, flown.final, 0.0)), mask, flown.ended),
+            "_final_info": mask,
         }
 
     def _infos(self, record: Record, mask: Mask, rows: NDArray[np.intp]) -> dict[str, Any]:
         """Return the infos; `rows` are the flights that have an outcome."""
         words = self._flying.copy()  # faster than looking the word up for each
-        words[rows] = WORDS[record.numbers[OUTCOME, rows].astype(np.intp)]
+        words[rows] = WORDS[record.numbers[OUTCOME][rows].astype(np.intp)]
         infos = {
             "state": record.numbers[0:5].T,
             "time": record.numbers[TIME],

@@ -59,6 +59,15 @@ def summarize(f: Any, s: Any, o: Any, n: Any, first: Any, counts: Any, flags: An
 
 
 @vectors
+def finite(actions: Any) -> bool:
+    """Return whether all actions are finite."""
+    wrong = 0
+    for i in range(np.uint64(actions.shape[0])):
+        wrong += 0 if (actions[i, 0] - actions[i, 0] == 0) & (actions[i, 1] - actions[i, 1] == 0) else 1
+    return wrong == 0
+
+
+@vectors
 def stirring(s: Any, n: Any) -> int:
     """Return how many of a block have ended or begin anew."""
     busy = 0
@@ -130,11 +139,17 @@ def step(
     told: Any,
     counts: Any,
     flags: Any,
+    ended: Any,
     final_observation: Any,
     final: Any,
 ) -> int:
-    """Fly all vehicles one step and begin anew what has ended; return how many begin anew now or in the next step."""
-    c, count, ended, s = settings[0], np.uint64(ids.shape[1]), 0, np.zeros(SCRATCH)
+    """Fly all vehicles one step and begin anew what has ended; return how many have, their numbers in `ended`.
+
+    Where an action is not finite, nothing is done and -1 returned.
+    """
+    if not finite(actions):
+        return -1
+    c, count, over, s = settings[0], np.uint64(ids.shape[1]), 0, np.zeros(SCRATCH)
     t, world = np.empty(SEEN, dtype=np.float32), (ids, hoops, pool, numbers)
     for first in range(NONE, count, LANES):
         o, n = first // LANES * SPAN, min(LANES, count - first)
@@ -147,15 +162,16 @@ def step(
         judge(f, s, o, m, c)
         value(f, s, o, m, c)
         pay(f, s, o, m, c)
-        busy = stirring(s, n)
-        if busy > 0 and c.same_step:
-            tell(f, s, o, n, first, c.dt, final)
-            show(f, s, t, o, n, m, c, ids, first, final_observation)
-            renew(f, s, o, n, END, c, world, first)
-        elif busy > 0:
-            renew(f, s, o, n, WAITED, c, world, first)
-        ended += busy
+        if stirring(s, n) > 0:
+            for i in range(n):
+                if s[END + i] > 0:
+                    ended[over] = first + i
+                    over += 1
+            if c.same_step:
+                tell(f, s, o, n, first, c.dt, final)
+                show(f, s, t, o, n, m, c, ids, first, final_observation)
+            renew(f, s, o, n, END if c.same_step else WAITED, c, world, first)
         tell(f, s, o, n, first, c.dt, told)
         summarize(f, s, o, n, first, counts, flags)
         show(f, s, t, o, n, m, c, ids, first, observation)
-    return ended
+    return over
