@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agents.evaluate import COLUMNS, FasterThanOptimal, evaluate, fly
-from flatgym import SCENARIOS
+from flatgym import SCENARIOS, Disturbances
 from optimal import fewest_steps
 
 
@@ -68,3 +68,20 @@ def test_bad_questions_are_refused(optimum):
         fly(Tape(np.array([[np.nan, 0.0]])), "horizontal-3")
     with pytest.raises(ValueError, match=r"must have shape \(1, 2\)"):
         fly(Tape(np.array([[0.0, 0.0, 0.0]])), "horizontal-3")
+
+
+def test_disturbed_scores_say_so_and_claim_nothing_against_k_star(optimum):
+    hover = np.array([(9.81 - 10.5) / 9.5, 0.0])
+    late = replace(optimum, steps=1000)
+    calm, windy = (
+        evaluate(Tape([hover]), "horizontal-3", 4, optimum=late, disturbances=disturbances).iloc[0]
+        for disturbances in (Disturbances(), Disturbances(wind=3.0, sensor_noise=0.01))
+    )
+    assert (calm.disturbances, calm.outcomes) == ({}, {"time-limit": 4})
+    assert windy.disturbances == {"wind": 3.0, "sensor_noise": 0.01}
+    assert windy.outcomes != calm.outcomes
+    # The same flight is an error in still air, and no news with a little noise in what is measured.
+    with pytest.raises(FasterThanOptimal):
+        evaluate(Tape(optimum.actions), "horizontal-3", optimum=late)
+    row = evaluate(Tape(optimum.actions), "horizontal-3", 2, optimum=late, disturbances=Disturbances(sensor_noise=0.01))
+    assert row.iloc[0].steps == optimum.steps
