@@ -2,21 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import asdict
 
 import numpy as np
 
 from flatgym import fleet
 from flatgym.distributions import Distribution
 from flatgym.fleet import Begun, Fleet, Flown, Mask, Record, not_finite
-from flatgym.kernels import layout, passes
+from flatgym.kernels import layout
 from flatgym.kernels.layout import BLOCK, ROWS, SETTINGS
+from flatgym.kernels.passes import advance
 from flatgym.quadrotor import Array
-from flatgym.scenario import Scenario, Tolerance
+from flatgym.scenario import Scenario
 from flatgym.scene import Integers
 from flatgym.task import observation_names
 
-NUMBERS = len(fleet.ROWS)
+NUMBERS, NOTHING = len(fleet.ROWS), np.empty((0, 7))
+PATIENCE = 2.0
+"""Time after which a user is told what takes so long [s]."""
+
+
+@contextmanager
+def telling() -> Iterator[None]:
+    """Say on standard error that the kernels are being compiled, should it take long: it is the first time here."""
+    words = "flatgym: compiling the environment's kernels, once on this machine; it takes some 10 to 20 seconds"
+    timer = threading.Timer(PATIENCE, print, [words], {"file": sys.stderr, "flush": True})
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 class CompiledFleet(Fleet):
@@ -40,10 +60,19 @@ class CompiledFleet(Fleet):
         else:
             self._lay_out(course.problem)
         self.settings = np.zeros(1, dtype=SETTINGS)
-        self._set()
+        self._apply()
         self._ended = np.zeros(n, dtype=np.int64)
         self._no_final = np.empty((0, self.columns), dtype=np.float32), np.empty((NUMBERS, 0))
-        self._fixed = (self.flat, self.ids, self.hoops, self.pool, self.settings, self.numbers)
+        self._fixed = (
+            self.flat,
+            self.ids,
+            self.hoops,
+            self.pool,
+            self.settings,
+            self.numbers,
+            self.pending,
+            self._padded,
+        )
 
     def _lay_out(self, scenario: Scenario) -> None:
         low_x, low_z, high_x, high_z = scenario.bounds
@@ -64,7 +93,7 @@ class CompiledFleet(Fleet):
         for name, value in rows.items():
             table[:, int(getattr(layout, name)) // BLOCK] = value
 
-    def _set(self) -> None:
+    def _apply(self) -> None:
         """Write the course to the record which the kernels read."""
         course = self.course
         values = asdict(course.quadrotor) | asdict(course.tolerance) | asdict(course.disturbances)
@@ -89,16 +118,6 @@ class CompiledFleet(Fleet):
         for name, value in values.items():
             self.settings[name] = value
 
-    def set_tolerance(self, tolerance: Tolerance) -> None:
-        """Let something else count as arrived from the next step on."""
-        self.course = replace(self.course, problem=replace(self.course.problem, tolerance=tolerance))
-        self._set()
-
-    def set_share(self, share: float) -> None:
-        """Let another share of the episodes begin in the pool of starts."""
-        self.share = share
-        self._set()
-
     def reset(self, mask: Mask, state: Array | None = None, hoops_passed: Integers | None = None) -> Begun:
         """Begin episodes; see `Fleet.reset`."""
         given = np.full((self.n, 7), np.nan)
@@ -107,23 +126,24 @@ class CompiledFleet(Fleet):
             given[:, 1:6] = state
         if hoops_passed is not None:
             given[:, 6] = hoops_passed
-        observation, record = np.empty((self.n, self.columns), dtype=np.float32), self._blank()
-        passes.reset(*self._fixed, given, observation, *record)
-        return observation, record
+        begun = self._advance(given)
+        return begun.observation, begun.record
 
     def step(self) -> Flown:
         """Fly all one step; see `Fleet.step`."""
-        observation, record, final = np.empty((self.n, self.columns), dtype=np.float32), self._blank(), self._no_final
+        return self._advance(NOTHING)
+
+    def _advance(self, given: Array) -> Flown:
+        n, final = self.n, self._no_final
+        observation = np.empty((n, self.columns), dtype=np.float32)
+        record = Record(np.empty((NUMBERS, n)), np.empty((2, n), dtype=np.int64), np.empty((3, n), dtype=np.bool_))
         if self.same_step:
             final = np.empty_like(observation), np.empty_like(record.numbers)
-        ended = passes.step(*self._fixed, self.pending, self._padded, observation, *record, self._ended, *final)
+        with nullcontext() if advance.signatures else telling():
+            ended = advance(*self._fixed, given, observation, *record, self._ended, *final)
         if ended < 0:
             raise not_finite(self.actions)
         rows = self._ended[:ended].copy()
-        return (
-            Flown(observation, record, rows, *final) if ended and self.same_step else Flown(observation, record, rows)
-        )
-
-    def _blank(self) -> Record:
-        n = self.n
-        return Record(np.empty((NUMBERS, n)), np.empty((2, n), dtype=np.int64), np.empty((3, n), dtype=np.bool_))
+        if ended and self.same_step:
+            return Flown(observation, record, rows, *final)
+        return Flown(observation, record, rows)

@@ -13,6 +13,7 @@ from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenario import STEPS_MOST, Scenario, Tolerance
 from flatgym.scene import Integers
 from flatgym.task import observation_names
+from flatgym.validation import number, numbers, whole
 
 REWARDS = ("shaped", "sparse")
 STATE_MOST = 1e4
@@ -37,24 +38,22 @@ class Starts:
     share: float = 1.0
 
     def __post_init__(self) -> None:
-        state = np.ascontiguousarray(self.state, dtype=np.float64)
+        state = numbers("Starts.state", self.state)
         if state.ndim != 2 or not len(state):
             raise ValueError(f"Starts.state must have shape (m, 5) with m >= 1, got {state.shape}")
         object.__setattr__(self, "state", check_states(state, state.shape[:1], "Starts.state"))
-        passed = np.asarray(self.hoops_passed if np.size(self.hoops_passed) else np.zeros(len(state)))
-        if passed.shape != (len(state),) or np.any(passed != np.floor(passed)) or np.any(passed < 0):
+        passed = numbers("Starts.hoops_passed", self.hoops_passed)
+        passed = passed if passed.size else np.zeros(len(state))
+        if passed.shape != (len(state),) or np.any(passed != np.floor(passed)) or np.any((passed < 0) | (passed > 1e6)):
             raise ValueError(f"Starts.hoops_passed must be whole numbers >= 0 of shape ({len(state)},), got {passed}")
         object.__setattr__(self, "hoops_passed", passed.astype(np.int64))
-        if not 0 <= self.share <= 1:
+        if not 0 <= number("Starts", "share", self.share) <= 1:
             raise ValueError(f"Starts.share must lie in [0, 1], got {self.share}")
 
 
 def check_states(state: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
     """Return states of shape (*shape, 5) as floats; a ValueError for anything else."""
-    try:
-        values = np.array(state, dtype=np.float64)
-    except (TypeError, ValueError):
-        values = np.empty(0)
+    values = numbers(name, state).astype(np.float64)
     if values.shape != (*shape, 5) or not np.all(np.abs(values) <= STATE_MOST):
         each = " for each vehicle" if shape else ""
         raise ValueError(
@@ -89,12 +88,14 @@ class Course:
 
     def __post_init__(self) -> None:
         observation_names(self.observation)
-        if self.reward not in REWARDS:
+        if not isinstance(self.reward, str) or self.reward not in REWARDS:
             raise ValueError(f"unknown reward {self.reward!r}; known: {', '.join(REWARDS)}")
-        if self.steps_most is not None and not 1 <= self.steps_most <= STEPS_MOST:
-            raise ValueError(f"max_episode_steps must lie in 1..{STEPS_MOST}, got {self.steps_most}")
+        if self.steps_most is not None:
+            whole("max_episode_steps", self.steps_most, 1, STEPS_MOST)
         if self.starts is None:
             return
+        if not isinstance(self.starts, Starts):
+            raise ValueError(f"starts must be a flatgym.course.Starts or None, got {self.starts!r}")
         if not isinstance(self.problem, Scenario):
             raise ValueError(f"starts belong to a scenario, not to the distribution {self.problem.name!r}")
         most, allowed = int(self.starts.hoops_passed.max()), len(self.problem.hoops)

@@ -6,6 +6,7 @@ the way, displaced to the side and turned by a random angle.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from flatgym.draws import SCENE, uniform
 from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenario import Hoop, Scenario, Tolerance, steps_within
-from flatgym.validation import number, positive
+from flatgym.validation import number, pair, positive
 
 TRIES = 4
 """Goals drawn until one is far enough; should none be, the last is moved outwards."""
@@ -60,20 +61,37 @@ class Distribution:
             object.__setattr__(self, name, positive(owner, name, getattr(self, name)))
         for name in ("aside", "turn"):
             object.__setattr__(self, name, number(owner, name, getattr(self, name)))
-        low, high = self.hoops
-        if not (isinstance(low, int) and isinstance(high, int) and 0 <= low <= high <= HOOPS_MOST):
-            raise ValueError(f"Distribution.hoops must be two whole numbers 0 <= a <= b <= {HOOPS_MOST}: {self.hoops}")
-        if not 2 * self.quadrotor.radius < self.diameter[0] <= self.diameter[1]:
-            raise ValueError(
-                f"Distribution.diameter must be two widths a <= b above twice the radius "
-                f"{self.quadrotor.radius} m, got {self.diameter}"
-            )
+        for name, kind in (("name", str), ("quadrotor", Quadrotor), ("tolerance", Tolerance)):
+            if not isinstance(getattr(self, name), kind):
+                raise ValueError(f"{owner}.{name} must be a {kind.__name__}, got {getattr(self, name)!r}")
+        self._check_hoops()
         if not self.tolerance.position < self.least_distance <= self.half_width:
             raise ValueError(
                 f"Distribution.least_distance must lie above tolerance.position = {self.tolerance.position} m and not "
                 f"above half_width = {self.half_width} m, got {self.least_distance}"
             )
         self.scenario(0, 0)  # vehicle, dt and time limit must make a scenario
+
+    def _check_hoops(self) -> None:
+        low, high = pair("Distribution", "hoops", self.hoops)
+        if not (isinstance(low, int) and isinstance(high, int) and 0 <= low <= high <= HOOPS_MOST):
+            raise ValueError(f"Distribution.hoops must be two whole numbers 0 <= a <= b <= {HOOPS_MOST}: {self.hoops}")
+        narrow, wide = (
+            number("Distribution", "diameter", width) for width in pair("Distribution", "diameter", self.diameter)
+        )
+        if not 2 * self.quadrotor.radius < narrow <= wide:
+            raise ValueError(
+                f"Distribution.diameter must be two widths a <= b above twice the radius "
+                f"{self.quadrotor.radius} m, got {self.diameter}"
+            )
+        if abs(self.turn) > math.pi:
+            raise ValueError(f"Distribution.turn must lie within half a turn, pi, got {self.turn}")
+        number("Distribution", "half_width * sqrt(2) * (1 + |aside|), the farthest hoop,", self.farthest)
+
+    @property
+    def farthest(self) -> float:
+        """No hoop is farther from the start [m]."""
+        return self.half_width * math.sqrt(2) * (1 + abs(self.aside))
 
     @property
     def max_steps(self) -> int:

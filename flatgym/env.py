@@ -16,10 +16,11 @@ from flatgym.disturbances import Disturbances
 from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, fleet_of, not_finite
 from flatgym.quadrotor import Array
 from flatgym.rendering.film import Film
-from flatgym.resetting import OPTIONS, begin, check_seed
+from flatgym.resetting import begin, check_options, check_seed
 from flatgym.scenario import Scenario
 from flatgym.scene import FLYING, GOAL, OUTCOMES, TIME_LIMIT
 from flatgym.task import observation_names
+from flatgym.validation import numbers
 
 Observation = NDArray[np.float32]
 
@@ -38,8 +39,8 @@ def action_space() -> gym.Space[Any]:
 
 
 def take_actions(actions: ArrayLike, into: Array) -> None:
-    """Copy actions into an array of their shape; a ValueError for another shape."""
-    values = np.asarray(actions)
+    """Copy actions into an array of their shape; a ValueError for another shape, and for what are no numbers."""
+    values = numbers("actions", actions)
     if values.shape != into.shape:
         raise ValueError(f"actions must have shape {into.shape}, got {values.shape}")
     into[...] = values
@@ -172,7 +173,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         if seed is None and self._outcome is None:
             seed = int(self.np_random.integers(2**63))
         seeds = None if seed is None else np.array([seed], dtype=np.uint64)
-        observation, record = begin(self.fleet, ALL, seeds, options or {}, OPTIONS)
+        observation, record = begin(self.fleet, ALL, seeds, check_options(options))
         self._outcome, info = FLYING, self._info(record.numbers[:, 0].tolist())
         self.film.begin(self.scenario, info)
         return observation[0], info
@@ -185,7 +186,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
             word = OUTCOMES[self._outcome]
             raise gym.error.ResetNeeded(f"the flight has ended ({word!r}); call reset() before the next step()")
         take_actions(action, self._action)
-        if not math.isfinite(sum(self._action.tolist())):
+        if not all(map(math.isfinite, self._action.tolist())):
             raise not_finite(self._action)
         flown = self.fleet.step()
         row = flown.record.numbers[:, 0].tolist()

@@ -113,11 +113,16 @@ class Fleet:
     def set_tolerance(self, tolerance: Tolerance) -> None:
         """Let something else count as arrived from the next step on."""
         self.course = replace(self.course, problem=replace(self.course.problem, tolerance=tolerance))
-        self.scene = replace(self.scene, tolerance=tolerance)
+        self._apply()
 
     def set_share(self, share: float) -> None:
         """Let another share of the episodes begin in the pool of starts."""
         self.share = share
+        self._apply()
+
+    def _apply(self) -> None:
+        """Let what has changed in the course take effect."""
+        self.scene = replace(self.scene, tolerance=self.course.tolerance)
 
     def reseed(self, mask: Mask, seeds: Seeds | None) -> None:
         """Number the episodes that begin next under `mask`: the first of new seeds (n,), or the next of the old."""

@@ -8,11 +8,24 @@ import numpy as np
 
 from flatgym.course import check_states
 from flatgym.fleet import Begun, Fleet, Mask, Seeds
+from flatgym.validation import numbers
 
 OPTIONS = ("state", "hoops_passed")
 
 
-def begin(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any], known: tuple[str, ...]) -> Begun:
+def check_options(options: Any, known: tuple[str, ...] = OPTIONS) -> dict[str, Any]:
+    """Return a copy of the options of `reset`; a ValueError for what is no dict, and for unknown keys."""
+    if options is None:
+        return {}
+    if not isinstance(options, dict):
+        raise ValueError(f"options must be a dict or None, got {options!r}; known: {', '.join(known)}")
+    unknown = set(options) - set(known)
+    if unknown:
+        raise ValueError(f"unknown reset options {sorted(unknown, key=str)}; known: {', '.join(known)}")
+    return dict(options)
+
+
+def begin(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any]) -> Begun:
     """Begin the next episodes under `mask`, or the first of `seeds`, as the options say.
 
     Args:
@@ -20,14 +33,10 @@ def begin(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any]
         mask: whose episodes begin, shape (n,).
         seeds: new seeds, shape (n,), or None to go on with the old ones.
         options: "state", five numbers or (n, 5), and "hoops_passed", a number or (n,).
-        known: names of all options there are, for the message.
 
     Raises:
-        ValueError: for unknown options, and for values of a wrong shape or range; nothing has changed then.
+        ValueError: for options of a wrong shape or range; nothing has changed then.
     """
-    unknown = set(options) - set(OPTIONS)
-    if unknown:
-        raise ValueError(f"unknown reset options {sorted(unknown, key=str)}; known: {', '.join(known)}")
     before = fleet.ids.copy()
     fleet.reseed(mask, seeds)
     try:
@@ -48,14 +57,14 @@ def check_seed(seed: Any) -> int:
 def _state(fleet: Fleet, options: dict[str, Any]) -> Any:
     if "state" not in options:
         return None
-    shape = (fleet.n,) if np.ndim(options["state"]) > 1 else ()
+    shape = (fleet.n,) if numbers("options['state']", options["state"]).ndim > 1 else ()
     return np.broadcast_to(check_states(options["state"], shape, "options['state']"), (fleet.n, 5))
 
 
 def _hoops_passed(fleet: Fleet, mask: Mask, options: dict[str, Any]) -> Any:
     if "hoops_passed" not in options:
         return None
-    value, counts = np.asarray(options["hoops_passed"]), fleet.hoop_counts()
+    value, counts = numbers("options['hoops_passed']", options["hoops_passed"]), fleet.hoop_counts()
     if value.shape not in ((), (fleet.n,)) or value.dtype.kind not in "iu":
         raise ValueError(f"options['hoops_passed'] must be a whole number or one for each of {fleet.n}, got {value!r}")
     passed = np.broadcast_to(value, (fleet.n,))

@@ -130,6 +130,8 @@ class Scenario:
                 put(name, number("Scenario", name, getattr(self, name)))
         for name in ("dt", "time_limit"):
             put(name, positive("Scenario", name, getattr(self, name)))
+        if not isinstance(self.hoops, (tuple, list)):
+            raise ValueError(f"Scenario.hoops must be a tuple of hoops, got {self.hoops!r}")
         put("hoops", tuple(self.hoops))
         for name, kind in (("quadrotor", Quadrotor), ("tolerance", Tolerance)):
             if not isinstance(getattr(self, name), kind):
@@ -214,8 +216,8 @@ class Scenario:
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Scenario:
         """Rebuild a scenario from `to_dict`; unknown keys raise a ValueError."""
-        data = dict(data)
         try:
+            data = dict(data)
             data["hoops"] = tuple(Hoop(**hoop) for hoop in data.get("hoops", ()))
             for name, kind in (("quadrotor", Quadrotor), ("tolerance", Tolerance)):
                 if name in data:
@@ -231,4 +233,8 @@ class Scenario:
     @classmethod
     def from_json(cls, text: str) -> Scenario:
         """Rebuild a scenario from `to_json`."""
-        return cls.from_dict(json.loads(text))
+        try:
+            data = json.loads(text)
+        except ValueError as error:
+            raise ValueError(f"not a scenario: {error}") from None
+        return cls.from_dict(data)

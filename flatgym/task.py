@@ -65,7 +65,7 @@ OBSERVATIONS = {"features": OBSERVATION_NAMES, "state": STATE_NAMES}
 
 def observation_names(observation: str = "features") -> tuple[str, ...]:
     """Return the names of the components of an observation, "features" or "state"."""
-    if observation not in OBSERVATIONS:
+    if not isinstance(observation, str) or observation not in OBSERVATIONS:
         raise ValueError(f"unknown observation {observation!r}; known: {', '.join(OBSERVATIONS)}")
     return OBSERVATIONS[observation]
 

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 MAGNITUDE = 1e6
 """Numbers beyond this are refused: nothing flown is that large, and their squares stay far from overflow."""
@@ -30,10 +31,34 @@ def positive(owner: str, name: str, value: Any) -> float:
     return checked
 
 
+def whole(name: str, value: Any, low: int, high: int) -> int:
+    """Return a whole number in low..high as an int."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not low <= value <= high:
+        raise ValueError(f"{name} must be a whole number in {low}..{high}, got {value!r}")
+    return int(value)
+
+
+def numbers(name: str, value: Any) -> NDArray[Any]:
+    """Return an array of real numbers, of whatever shape and type they are."""
+    try:
+        values = np.asarray(value)
+    except (TypeError, ValueError, OverflowError):  # of lists of unequal length
+        values = np.empty(0, dtype=object)
+    if values.dtype.kind not in "fiub":
+        raise ValueError(f"{name} must be an array of numbers, got {value!r}")
+    return values
+
+
+def pair(owner: str, name: str, value: Any, what: str = "two numbers") -> tuple[Any, Any]:
+    """Return two values of any kind."""
+    try:
+        one, other = value
+    except (TypeError, ValueError):
+        raise ValueError(f"{owner}.{name} must be {what}, got {value!r}") from None
+    return one, other
+
+
 def point(owner: str, name: str, value: Any) -> tuple[float, float]:
     """Return a point (x, z) of finite numbers."""
-    try:
-        x, z = value
-    except (TypeError, ValueError):
-        raise ValueError(f"{owner}.{name} must be a point (x, z) in metres, got {value!r}") from None
+    x, z = pair(owner, name, value, "a point (x, z) in metres")
     return number(owner, f"{name}[0]", x), number(owner, f"{name}[1]", z)

@@ -24,9 +24,10 @@ from flatgym.course import Course, Starts
 from flatgym.disturbances import Disturbances
 from flatgym.env import action_space, observation_space, take_actions
 from flatgym.fleet import OUTCOME, REWARD, TIME, Flown, Mask, Record, Seeds, fleet_of
-from flatgym.resetting import OPTIONS, begin, check_seed
+from flatgym.resetting import OPTIONS, begin, check_options, check_seed
 from flatgym.scenario import Tolerance
 from flatgym.scene import FLYING, OUTCOMES
+from flatgym.validation import numbers
 
 WORDS = np.array(OUTCOMES, dtype=object)
 _NOBODY = np.zeros(0, dtype=np.intp)
@@ -61,7 +62,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
     ) -> None:
-        if num_envs < 1:
+        if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
             raise ValueError(f"num_envs must be at least 1, got {num_envs}")
         if render_mode is not None:
             raise ValueError(
@@ -72,7 +73,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         problem = catalogue.problem(scenario)
         self.course = Course(problem, reward, observation, disturbances, starts, max_episode_steps)
         self.num_envs = num_envs
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
         self.render_mode = None
         self.single_observation_space, self.single_action_space = observation_space(observation), action_space()
@@ -107,13 +108,16 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             seed: of the first vehicle, the others counting on from it; or one for each.
             options: as in the scalar environment, for all or for each; and "reset_mask", who starts anew, shape (n,).
         """
-        options, seed = dict(options or {}), seed.tolist() if isinstance(seed, np.ndarray) else seed
+        options, seed = (
+            check_options(options, (*OPTIONS, "reset_mask")),
+            seed.tolist() if isinstance(seed, np.ndarray) else seed,
+        )
         mask = self._all if options.get("reset_mask") is None else self._check_mask(options["reset_mask"])
         options.pop("reset_mask", None)
         if not (self._begun or mask.all()):
             raise gym.error.ResetNeeded("the first reset() must start all flights, without a reset_mask")
-        super().reset(seed=None if seed is None or isinstance(seed, Sequence) else int(seed))
-        observation, record = begin(self.fleet, mask, self._seeds(seed), options, (*OPTIONS, "reset_mask"))
+        super().reset(seed=None if seed is None or isinstance(seed, Sequence) else check_seed(seed))
+        observation, record = begin(self.fleet, mask, self._seeds(seed), options)
         self._begun, self._ended = True, self._ended & ~mask
         return observation, self._infos(record, self._all, np.flatnonzero(record.numbers[OUTCOME]))
 
@@ -178,7 +182,15 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         return np.array([drawn[i] if one is None else check_seed(one) for i, one in enumerate(seed)], dtype=np.uint64)
 
     def _check_mask(self, mask: ArrayLike) -> Mask:
-        values = np.asarray(mask)
+        values = numbers("options['reset_mask']", mask)
         if values.shape != (self.num_envs,) or values.dtype != np.bool_:
             raise ValueError(f"options['reset_mask'] must be booleans of shape ({self.num_envs},), got {mask!r}")
         return values
+
+
+def _mode(mode: Any) -> AutoresetMode:
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        known = ", ".join(repr(one.value) for one in AutoresetMode)
+        raise ValueError(f"unknown autoreset_mode {mode!r}; known: {known}") from None

@@ -139,7 +139,6 @@ def arc_of(f: Any, s: Any, k: Any, i: Any) -> Any:
 def meet(f: Any, s: Any, k: Any, i: Any, c: Any, hoops: Any) -> int:
     """Pass the hoops met inside the step, and return the outcome if a rim, the floor or the ceiling was touched."""
     arc, touched, time = arc_of(f, s, k, i), FLYING, 0.0
-    floor, ceiling = c.floor, c.ceiling
     j, count = int(f[k + PASSED]), int(f[k + COUNT])
     while j < count:
         x, z, dx, dz, gap = hoops[j, 0], hoops[j, 1], hoops[j, 2], hoops[j, 3], hoops[j, 4]
@@ -154,11 +153,10 @@ def meet(f: Any, s: Any, k: Any, i: Any, c: Any, hoops: Any) -> int:
         aim(f, k, hoops)
     # A way no vehicle can rise or fall within the step; mostly only one of the two is near.
     reach = (abs(s[i + BVZ]) + (arc[5] + abs(arc[8])) * c.dt) * c.dt
-    if s[i + BZ] + reach > ceiling and -lowest(arc, c.dt, 0.0, -1.0) > ceiling + CONTACT_SLACK:
-        touched = CEILING
-    below = s[i + BZ] - reach < floor
-    if f[k + Z] < floor - CONTACT_SLACK or (below and lowest(arc, c.dt, 0.0, 1.0) < floor - CONTACT_SLACK):
-        touched = FLOOR
+    for up, limit, word in ((-1.0, -c.ceiling, CEILING), (1.0, c.floor, FLOOR)):
+        near, limit = up * s[i + BZ] - reach < limit, limit - CONTACT_SLACK
+        if up * f[k + Z] < limit or (near and lowest(arc, c.dt, 0.0, up) < limit):
+            touched = word
     if c.radius > 0 and touches_rim(arc, c.dt, c.radius, hoops, count):
         touched = COLLISION
     return touched

@@ -85,48 +85,28 @@ def renew(f: Any, s: Any, o: Any, n: Any, flag: Any, c: Any, world: Any, first: 
             start(f, s, o + i, c, first + i, world)
 
 
-@cached
-def reset(
-    f: Any,
-    ids: Any,
-    hoops: Any,
-    pool: Any,
-    settings: Any,
-    numbers: Any,
-    given: Any,
-    observation: Any,
-    told: Any,
-    counts: Any,
-    flags: Any,
-) -> None:
-    """Begin an episode for all whose row of `given` begins with 1; what of it is not nan replaces what was drawn.
+@compiled
+def begin(f: Any, s: Any, o: Any, n: Any, c: Any, world: Any, first: Any, given: Any) -> None:
+    """Begin an episode for those of a block whose row of `given` begins with 1.
 
-    A row of `given` is [1 or 0, x, z, vx, vz, theta, hoops passed].
+    A row of `given` is [1 or 0, x, z, vx, vz, theta, hoops passed]; what of it is not nan replaces what was drawn.
     """
-    c, count, s = settings[0], np.uint64(ids.shape[1]), np.zeros(SCRATCH)
-    t, world = np.empty(SEEN, dtype=np.float32), (ids, hoops, pool, numbers)
-    for first in range(NONE, count, LANES):
-        o, n = first // LANES * SPAN, min(LANES, count - first)
-        m = (n + GROUP - ONE) // GROUP * GROUP
-        for i in range(n):
-            k, lane = o + i, first + i
-            if given[lane, 0] == 0:
-                continue
-            start(f, s, k, c, lane, world)
-            for j in range(5):
-                if given[lane, 1 + j] == given[lane, 1 + j]:
-                    f[k + X + ROW[j]] = given[lane, 1 + j]
-            if given[lane, 6] == given[lane, 6]:
-                f[k + PASSED] = given[lane, 6]
-            aim(f, k, hoops[lane])
-            value(f, s, k, ONE, c)
-        tell(f, s, o, n, first, c.dt, told)
-        summarize(f, s, o, n, first, counts, flags)
-        show(f, s, t, o, n, m, c, ids, first, observation)
+    for i in range(n):
+        k, lane = o + i, first + i
+        if given[lane, 0] == 0:
+            continue
+        start(f, s, k, c, lane, world)
+        for j in range(5):
+            if given[lane, 1 + j] == given[lane, 1 + j]:
+                f[k + X + ROW[j]] = given[lane, 1 + j]
+        if given[lane, 6] == given[lane, 6]:
+            f[k + PASSED] = given[lane, 6]
+        aim(f, k, world[1][lane])
+        value(f, s, k, ONE, c)
 
 
 @cached
-def step(
+def advance(
     f: Any,
     ids: Any,
     hoops: Any,
@@ -135,6 +115,7 @@ def step(
     numbers: Any,
     pending: Any,
     actions: Any,
+    given: Any,
     observation: Any,
     told: Any,
     counts: Any,
@@ -143,25 +124,32 @@ def step(
     final_observation: Any,
     final: Any,
 ) -> int:
-    """Fly all vehicles one step and begin anew what has ended; return how many have, their numbers in `ended`.
+    """Fly all vehicles one step and begin anew what has ended; or, where there are rows `given`, begin what they say.
 
-    Where an action is not finite, nothing is done and -1 returned.
+    One function for both, because compiling it takes seconds.
+
+    Returns:
+        How many flights have ended, their numbers in `ended`; -1, and nothing is done, if an action is not finite.
     """
-    if not finite(actions):
+    c, count, over, flies = settings[0], np.uint64(ids.shape[1]), 0, given.shape[0] == 0
+    s, t, world = np.zeros(SCRATCH), np.empty(SEEN, dtype=np.float32), (ids, hoops, pool, numbers)
+    if flies and not finite(actions):
         return -1
-    c, count, over, s = settings[0], np.uint64(ids.shape[1]), 0, np.zeros(SCRATCH)
-    t, world = np.empty(SEEN, dtype=np.float32), (ids, hoops, pool, numbers)
     for first in range(NONE, count, LANES):
         o, n = first // LANES * SPAN, min(LANES, count - first)
         m = (n + GROUP - ONE) // GROUP * GROUP
-        command(s, m, c, actions, first)
-        if c.action_delay > 0:
-            delay(f, s, o, n, c, pending, first)
-        fly(f, s, o, m, c.dt)
-        happen(f, s, o, n, m, c, hoops, first)
-        judge(f, s, o, m, c)
-        value(f, s, o, m, c)
-        pay(f, s, o, m, c)
+        if flies:
+            command(s, m, c, actions, first)
+            if c.action_delay > 0:
+                delay(f, s, o, n, c, pending, first)
+            fly(f, s, o, m, c.dt)
+            happen(f, s, o, n, m, c, hoops, first)
+            judge(f, s, o, m, c)
+            if c.shaped:
+                value(f, s, o, m, c)
+            pay(f, s, o, m, c)
+        else:
+            begin(f, s, o, n, c, world, first, given)
         if stirring(s, n) > 0:
             for i in range(n):
                 if s[END + i] > 0:

@@ -22,6 +22,7 @@ from flatgym.extras import require
 from flatgym.quadrotor import Array
 from flatgym.rendering.instant import Instant
 from flatgym.scenario import Scenario
+from flatgym.validation import numbers
 
 if TYPE_CHECKING:
     from flatgym.rendering.canvas import Canvas
@@ -173,7 +174,7 @@ class Window:
 
 def check_ghost(ghost: ArrayLike) -> Array:
     """Return the states of a ghost as floats, shape (n, 5); a ValueError for other shapes and what is not finite."""
-    states = np.asarray(ghost, dtype=np.float64)
+    states = numbers("the ghost", ghost).astype(np.float64)
     if states.ndim != 2 or states.shape[1] != 5 or len(states) == 0:
         raise ValueError(f"the ghost must be states [x, z, vx, vz, theta] of shape (K+1, 5), got shape {states.shape}")
     if not np.isfinite(states).all():

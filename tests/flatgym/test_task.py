@@ -144,3 +144,27 @@ def test_observations_are_finite_and_bounded(name, generator):
 def test_scenarios_flown_together_share_the_vehicle():
     with pytest.raises(ValueError, match=r"must share dt: 'hoop' has 0\.02, 'hoop' has 0\.01"):
         Scene.of([SCENARIOS["hoop"], replace(SCENARIOS["hoop"], dt=0.01)])
+
+
+def test_a_line_crossed_beside_the_gap_may_be_crossed_again_through_it(generator):
+    # Within one step of half a second, turning nearly a whole turn: the gap is put where the second crossing is.
+    quadrotor, count, dt = Quadrotor(rate_max=12.0, thrust_max=30.0), 10_000, 0.5
+    angle, point = generator.uniform(-np.pi, np.pi, count), generator.normal(0, 0.15, (count, 2))
+    direction = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    state = generator.normal(0, [0.05, 0.05, 2.0, 2.0, 2.0], (count, 5))
+    control = np.stack([generator.uniform(20, 30, count), 12 * np.sign(generator.normal(size=count))], axis=-1)
+    positions = quadrotor.step(state[:, None], control[:, None], np.linspace(0, dt, 801))[:, :, 0:2]
+    along = np.einsum("nti,ni->nt", positions - point[:, None], direction)
+    rises = (along[:, :-1] < 0) & (along[:, 1:] >= 0)
+    twice = np.flatnonzero(rises.sum(axis=1) == 2)
+    first, second = (positions[twice, np.nonzero(rises[twice])[1][i::2] + 1] for i in (0, 1))
+    chosen = np.hypot(*(first - second).T) > 0.1
+    twice, second = twice[chosen], second[chosen]
+    centre = second - np.einsum("ni,ni->n", second - point[twice], direction[twice])[:, None] * direction[twice]
+    wall = Scenario("wall", (0, 0), (9, 9), hoops=(Hoop(0, 0, 0.1),), quadrotor=quadrotor, dt=dt)
+    scene = Scene.of([wall]).repeat(len(twice))
+    scene = replace(scene, hoop_centre=centre[:, None], hoop_direction=direction[twice, None])
+    zeros = np.zeros(len(twice), dtype=np.int64)
+    after = task.advance(scene, Situation(state[twice], zeros, zeros, zeros), control[twice])
+    assert len(twice) > 20
+    np.testing.assert_array_equal(after.hoops_passed, 1)

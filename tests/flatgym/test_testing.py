@@ -10,6 +10,7 @@ from gymnasium.spaces import Box, Dict, Discrete, Tuple
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import flatgym
+from flatgym.fleet import Fleet
 from flatgym.testing import check_vector_env
 from flatgym.vector import FlatQuadVectorEnv
 
@@ -99,6 +100,33 @@ def test_flatquad_passes(mode, batched):
     else:
         envs = SyncVectorEnv([single] * 2, autoreset_mode=mode)
     assert check_vector_env(envs, single, steps=50) >= 4
+
+
+class TellsTheLimit(gym.Wrapper):
+    """Gymnasium's TimeLimit stands outside of the environment and leaves its info as it is; this adds the word."""
+
+    def step(self, action):
+        *results, truncated, info = super().step(action)
+        return *results, truncated, info | {"outcome": "time-limit" if truncated else info["outcome"]}
+
+
+@pytest.mark.parametrize("mode", [NEXT, SAME, OFF])
+def test_max_episode_steps_truncates_as_the_wrapper_does_and_also_says_so(mode):
+    single = partial(gym.make, "FlatQuad-v0", scenario="ground-6", max_episode_steps=20)
+    envs = partial(FlatQuadVectorEnv, 2, "ground-6", max_episode_steps=20, autoreset_mode=mode)
+    assert check_vector_env(envs(), lambda: TellsTheLimit(single()), steps=50) >= 4
+    words = r"info\['outcome'\] is 'time-limit', in the scalar environment 'flying'"
+    with pytest.raises(AssertionError, match=words):
+        check_vector_env(envs(), single, steps=50)
+
+
+@pytest.mark.parametrize("mode", [NEXT, SAME, OFF])
+def test_the_fleet_without_numba_passes(mode, monkeypatch):
+    monkeypatch.setattr("flatgym.vector.fleet_of", Fleet)
+    scenario = replace(flatgym.scenario("ground-6"), time_limit=0.2)
+    envs = FlatQuadVectorEnv(2, scenario=scenario, autoreset_mode=mode)
+    assert type(envs.fleet) is Fleet
+    assert check_vector_env(envs, partial(gym.make, "FlatQuad-v0", scenario=scenario), steps=25) >= 4
 
 
 def test_cartpole_passes_by_protocol_and_alone_in_lockstep():
