@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import pandas as pd
 import typer
 from rich.console import Console
@@ -20,6 +21,7 @@ from rich.table import Table
 import flatgym
 import optimal
 from experiments.files import SCHEMA, plain, write_json
+from experiments.listing import distribution_row, scenario_row
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -77,20 +79,35 @@ def _cell(value: Any) -> str:
 
 
 @app.command("list", epilog="Example: flatquad list --json")
-def list_scenarios(as_json: AsJson = False) -> None:
-    """List the named scenarios."""
-    rows = [
-        {
-            "scenario": s.name,
-            "start": f"({s.start[0]:g}, {s.start[1]:g})",
-            "goal": f"({s.goal[0]:g}, {s.goal[1]:g})",
-            "hoops": len(s.hoops),
-            "floor": s.floor,
-            "dt_s": s.dt,
-        }
-        for s in flatgym.SCENARIOS.values()
-    ]
-    show(pd.DataFrame(rows), as_json, "Scenarios")
+def list_problems(as_json: AsJson = False) -> None:
+    """List the named scenarios, with what is known of their optima, and the distributions of random ones."""
+    scenarios = [scenario_row(scenario) for scenario in flatgym.SCENARIOS.values()]
+    distributions = [distribution_row(distribution) for distribution in flatgym.DISTRIBUTIONS.values()]
+    if as_json:
+        # Whole numbers beside None stay whole as objects only.
+        show(pd.DataFrame([*scenarios, *distributions], dtype=object), as_json)
+        return
+    titles = {
+        "scenario": "scenario",
+        "goal": "goal",
+        "hoops": "hoops",
+        "floor": "floor",
+        "time_s": "T* [s]",
+        "lower_bound_s": "bound",
+        "k_star": "K*",
+        "proven": "proven",
+    }
+    known = pd.DataFrame(scenarios)
+    known["time_s"] = known["time_s"].round(5)
+    known["lower_bound_s"] = np.floor(known["lower_bound_s"] * 1e5) / 1e5  # rounded upwards it would be none
+    show(known[list(titles)].rename(columns=titles), as_json, "Scenarios")
+    screen.print(
+        "T*: the fastest flight known, exactly rest to rest; none is faster than the bound. K*: the fewest environment "
+        "steps known, tolerance at the goal; proven if no flight takes fewer.\n",
+        markup=False,
+    )
+    titles = {"scenario": "distribution", "goal": "goal, drawn for each episode", "hoops": "hoops"}
+    show(pd.DataFrame(distributions)[list(titles)].rename(columns=titles), as_json, "Distributions")
 
 
 @app.command(epilog="Example: flatquad solve hoop --out hoop.csv; flatquad solve horizontal-6 --method flat")
@@ -239,7 +256,9 @@ def benchmark(
 
 @app.command(epilog="Example: flatquad play hoop --speed 0.25; flatquad play slalom --video slalom.mp4")
 def play(
-    scenario: Annotated[str, typer.Argument(help="Name of a scenario; `flatquad list` shows them.")] = "hoop",
+    scenario: Annotated[
+        str, typer.Argument(help="Name of a scenario or distribution; `flatquad list` shows them.")
+    ] = "hoop",
     speed: Annotated[float, typer.Option(help="How fast time passes; 1 is real time, and too fast for most.")] = 0.25,
     ghost: Annotated[bool, typer.Option(help="Fly against the best flight known.")] = True,
     video: Annotated[Path | None, typer.Option(help="Write what is seen to an .mp4 or .gif file.")] = None,

@@ -1,4 +1,4 @@
-"""Publish the latest results: `make readme` copies them and rebuilds README's tables and picture.
+"""Publish the latest results: `make readme` copies them and rebuilds README's tables and pictures.
 
 `experiments/results` holds your own runs and is not committed; `experiments/results/published` holds
 the runs README speaks of. Between `<!-- NAME -->` and `<!-- /NAME -->` the README holds what `blocks`
@@ -9,24 +9,19 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable
-from math import floor
 from pathlib import Path
-from textwrap import fill
 from typing import Any
 
-import pandas as pd
-
+from experiments import pictures
+from experiments.env_table import environments
 from experiments.files import SCHEMA
-from experiments.paper import SUCCESS, by_road, judgement, verdicts
+from experiments.tables import optima, paper, roads, scores
 from optimal.export import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "experiments" / "results"
 PUBLISHED = RESULTS / "published"
-FILES = ("benchmark.json", "scores.csv", "paper.json", "solvers.json")
-PAPER_FIGURES = ("figure-3", "figure-4", "figure-5")
-"""Those of the paper's figures that the README shows."""
+FILES = ("benchmark.json", "scores.csv", "paper.json", "solvers.json", "envs.json")
 
 
 def published(name: str) -> Any:
@@ -41,209 +36,13 @@ def published(name: str) -> Any:
 def blocks() -> dict[str, str]:
     """Return the generated parts of the README by name."""
     return {
+        "flights": pictures.captions(published("benchmark.json")),
         "scores": scores(published("benchmark.json")),
         "paper": paper(published("paper.json")),
         "optima": optima(published("solvers.json")),
         "roads": roads(published("solvers.json")),
+        "environments": environments(published("envs.json")),
     }
-
-
-def markdown(head: list[str], rows: list[list[str]]) -> str:
-    """Return a table in Markdown, all columns but the first aligned to the right."""
-    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def scores(benchmark: dict[str, Any]) -> str:
-    """Return the score table and how it came about."""
-    times = {row["scenario"]: row["time_s"] for row in benchmark["solutions"]}
-    rows = [
-        [
-            row["scenario"],
-            f"{times[row['scenario']]:.4f}",
-            str(row["k_star"]),
-            row["algorithm"],
-            f"{row['success_rate']:.0%}",
-            "-" if row["steps"] is None else f"{row['steps']:g}",
-            "-" if row["gap"] is None else f"{row['gap']:+.1%}",
-            f"{row['env_steps'] / 1e6:.1f} M",
-            f"{row['wall_time_s']:.0f}",
-        ]
-        for row in benchmark["scores"]
-    ]
-    head = ["scenario", "T* [s]", "K*", "agent", "success", "steps", "gap to K*", "env steps", "training [s]"]
-    used = benchmark["versions"]
-    note = (
-        f"`{benchmark['command']}` on {benchmark['machine']['cores']} cores, {benchmark['date'][:10]}, seed "
-        f"{benchmark['scores'][0]['seed']}; flatgym {used['flatgym']}, stable-baselines3 "
-        f"{used['stable-baselines3']}, torch {used['torch']}."
-    )
-    return markdown(head, rows) + "\n\n" + note
-
-
-def paper(results: dict[str, Any]) -> str:
-    """Return what became of the paper's times: beside what can be flown, judged, and how easily each was found."""
-    parts = {"rows": compared, "judged": judged, "ease": eased}
-    return "\n\n".join(written(results[name]) for name, written in parts.items() if name in results)
-
-
-def compared(rows: list[dict[str, Any]]) -> str:
-    """Return the paper's times beside those of each road."""
-
-    def number(form: str) -> Callable[[float | None], str]:
-        return lambda value: "-" if value is None else format(value, form)
-
-    columns: dict[str, tuple[str, Callable[[Any], str]]] = {
-        "scenario": ("case", str),
-        "printed_s": ("printed", number("g")),
-        "nodes_only_s": ("nodes only", number(".4f")),
-        "nodes_only_violation": ("its excess", lambda value: "unbounded" if value is None else f"{value:.0f}x"),
-        "flat_certified_s": ("flat, certified", number(".4f")),
-        "shooting_s": ("T* (shooting)", number(".5f")),
-        "pontryagin_s": ("Pontryagin", number(".5f")),
-        "reference_8_s": ("[8]", number("g")),
-    }
-    known = {key: column for key, column in columns.items() if key in rows[0]}
-    head = [title for title, _ in known.values()]
-    return markdown(head, [[written(row[key]) for key, (_, written) in known.items()] for row in rows])
-
-
-def judged(rows: list[dict[str, Any]]) -> str:
-    """Return which printed times are impossible, and by how much, with the picture of it."""
-    table = pd.DataFrame(rows)
-    read = verdicts(table)
-    verdict = markdown(list(read), read.to_numpy().tolist())
-    words = (
-        "The paper judged: no flight within its limits is faster than the bound. A dual dynamic programme over the "
-        f"tilt proves it (`optimal.prove`); our flights take {table['gap'].max():.2%} longer at most. A printed time "
-        "is impossible if it lies below the bound even with half a unit of its last digit added. The paper does not "
-        f"print g; we take 9.81 m/s². {judgement(table)}"
-    )
-    picture = "![Printed and flown times against the proven bound](experiments/results/published/judged.svg)"
-    return "\n\n".join([fill(words, 118, break_on_hyphens=False), verdict, picture])
-
-
-def eased(rows: list[dict[str, Any]]) -> str:
-    """Return the roads' iterations and seconds, medians over the cases, and how many starts arrive."""
-    table = [
-        [
-            row["road"],
-            str(row["cases"]),
-            f"{row['iterations']:.0f}",
-            f"{row['cold_s']:.2f}",
-            f"{row['warm_s']:.3f}",
-            f"{row['converged']} of {row['starts']}",
-            f"{row['succeeded']} of {row['starts']}",
-        ]
-        for row in by_road(pd.DataFrame(rows)).to_dict("records")
-    ]
-    head = ["road, from a plain start", "cases", "iterations", "cold [s]", "warm [s]", "converged", "found"]
-    words = (
-        "The paper argues that its problem is easily started. So for each road one solve from a plain start, without "
-        "any search: iterations and seconds, medians over the cases; cold has the program yet to be built. And such "
-        "starts on several grids: how many converge, and how many end in a flight that keeps all limits at all times "
-        f"and is within {SUCCESS:.1%} of the road's best."
-    )
-    return fill(words, 118) + "\n\n" + markdown(head, table)
-
-
-OPTIMA = ("bounds", "steps", "goal_bounds", "goal_steps", "validity")
-"""Sections that the table of the optima is made of."""
-
-
-def optima(results: dict[str, Any]) -> str:
-    """Return what is known of each named scenario's optimum: flown, proven, in time and in steps; then the batches."""
-    rows = {name: section["rows"] for name, section in results["sections"].items()}
-    known, every = {row["scenario"]: row for row in rows["steps"]}, rows["goal_steps"][-1]
-    table = []
-    for row in rows["bounds"]:
-        k = known[row["scenario"]]
-        fewest = f"{k['k_star']}" if k["proven"] else f"{k['k_star']}, at least {k['lower_bound']}"
-        bound = f"{floor(row['lower_bound_s'] * 1e5) / 1e5:.5f}"  # rounded upwards it would be none
-        proof = "-" if row["to_0.1%_s"] is None else f"{row['to_0.1%_s']:.2f}"
-        cells = [row["scenario"], f"{row['flown_s']:.5f}", bound, f"{row['gap']:.3%}", proof, fewest]
-        table.append([*cells, "yes" if k["proven"] else "no"])
-    goals, held = rows["goal_bounds"][-1], rows["validity"]
-    words = (
-        f"On {goals['goals']} random goals, asked for 0.1%, the gap is {goals['gap_median']:.3%} at the median and "
-        f"{goals['gap_worst']:.3%} at worst, in {goals['wall_time_median_s']:.2f} s; of {every['goals']} others' K* "
-        f"{every['proven']} are proven, and the rest open by {every['gap_steps_worst']} step at most. Of the bounds of "
-        f"{sum(row['goals'] for row in held)} random tasks of three vehicles, "
-        f"{sum(row['above_a_flight'] for row in held)} lie above the time of a certified flight."
-    )
-    head = ["scenario", "T* flown [s]", "no flight is faster than [s]", "gap", "0.1% takes [s]", "K*", "K* proven"]
-    return markdown(head, table) + "\n\n" + fill(words, 118) + "\n\n" + told(results, OPTIMA)
-
-
-def told(results: dict[str, Any], sections: Iterable[str]) -> str:
-    """Return how sections of the solvers' benchmark came about."""
-    dates = sorted({results["sections"][name]["date"][:10] for name in sections})
-    return f"`python -m experiments.solver_benchmark` on {results['machine']['cores']} cores, {' and '.join(dates)}."
-
-
-ROADS = (
-    "references", "starts", "speed", "flat", "corridors", "pontryagin", "systems", "orders", "flat_orders", "batch",
-    "warm",
-)  # fmt: skip
-"""Sections that the table of the roads is made of."""
-
-
-def roads(results: dict[str, Any]) -> str:
-    """Return what the solvers' benchmark found, one line a question."""
-    rows = {name: section["rows"] for name, section in results["sections"].items()}
-    solved = [row for row in rows["references"] if row["status"].startswith("Solved")]
-    off = max(abs(row["deviation"]) for row in rows["references"] if row["deviation"] is not None)
-    total = rows["starts"][-1]
-    clock = {row["what"]: row["median_s"] for row in rows["speed"]}
-    warm = {row["what"]: row["median_s"] for row in rows["warm"]}
-    flat = {row["scenario"]: row for row in rows["flat"]}
-    level = [row for name, row in flat.items() if name.startswith(("horizontal", "ground"))]
-    automatic = {row["scenario"]: row for row in rows["corridors"]}
-    slopes = {name: [row["order"] for row in rows[name]] for name in ("orders", "flat_orders")}
-    bends = [automatic[name] for name in ("hoop", "high-hoop", "slalom")]
-
-    def span(values: list[float]) -> str:
-        return f"{min(values):.1f} to {max(values):.1f}"
-
-    table = [
-        ["named scenarios solved and certified by shooting", f"{len(solved)} of {len(rows['references'])}"],
-        ["their largest distance from T* known from elsewhere", f"{off:.3%}"],
-        ["random starts to random goals that converge", f"{total['converged']} of {total['starts']}"],
-        ["those that find the best time of the winding", f"{total['found_best']} of {total['starts']}"],
-        [
-            "Pontryagin against shooting, largest distance",
-            f"{max(abs(r['difference']) for r in rows['pontryagin']):.1e}",
-        ],
-        ["flat over T*, horizontals and ground-6, largest", f"{max(r['above_best'] for r in level):.2%}"],
-        *[[f"flat over T* of its corridor, {n}", f"{flat[n]['above_best']:.2%}"] for n in ("diagonal", "hoop")],
-        ["flat, warm: horizontals and ground-6 [s]", f"{max(r['warm_s'] for r in level):.2f}"],
-        ["flat, warm: diagonal, hoop [s]", ", ".join(f"{flat[n]['warm_s']:.1f}" for n in ("diagonal", "hoop"))],
-        [
-            "flat from the paper's own start on other grids: certified, and within 0.5 %",
-            f"{sum(r['starts_certified'] for r in flat.values())}, {sum(r['starts_good'] for r in flat.values())} of "
-            f"{sum(r['starts'] for r in flat.values())}",
-        ],
-        [
-            "automatic corridors over T*: hoop, high-hoop, slalom",
-            ", ".join(f"{row['above_best']:.1%}" + ("" if row["optimised"] else " (not optimised)") for row in bends),
-        ],
-        [
-            "other systems' inputs through SciPy's DOP853, largest error",
-            f"{max(r['replay_error'] for r in rows['systems']):.0e}",
-        ],
-        ["order of convergence: shooting, flat", f"{span(slopes['orders'])}, {span(slopes['flat_orders'])}"],
-        [
-            "warm shooting solve, 100 steps [ms]; rockit's [ms]",
-            f"{clock['shooting'] * 1e3:.0f}; {clock['rockit'] * 1e3:.0f}",
-        ],
-        ['`solve("hoop")`, all windings, certified, warm [s]', f"{warm['solve hoop']:.2f}"],
-        *[
-            [f"`{row['what']}` of random goals, two processes [1/s]", f"{row['per_second']:.0f}"]
-            for row in rows["batch"]
-        ],
-        ["`import optimal` [s]", f"{clock['import optimal']:.2f}"],
-    ]
-    return markdown(["question", "answer"], table) + "\n\n" + told(results, ROADS)
 
 
 def filled(text: str) -> str:
@@ -257,22 +56,6 @@ def filled(text: str) -> str:
     return text
 
 
-def pictures() -> None:
-    """Draw the README's pictures as SVG; needs the extra `figures` and a Chromium."""
-    import optimal
-    from experiments import figures, paper_figures
-    from experiments.rl_vs_optimal import agent_track, optimal_track
-
-    solution = optimal.solve("hoop")
-    tracks = [optimal_track(solution), agent_track(published("benchmark.json"), solution.scenario)]
-    chart = figures.paths(solution.scenario, tracks, "hoop: the optimum and an agent trained by PPO")
-    write_text(PUBLISHED / "hoop-paths.svg", chart.to_image("svg", width=1000, height=540).decode())
-    for name in PAPER_FIGURES:
-        write_text(PUBLISHED / f"{name}.svg", paper_figures.FIGURES[name]().to_image("svg").decode())
-    if rows := published("paper.json").get("judged"):
-        write_text(PUBLISHED / "judged.svg", paper_figures.judged(rows).to_image("svg").decode())
-
-
 def main() -> None:
     """Publish what new results there are, and bring README.md up to date."""
     for name in FILES:
@@ -280,7 +63,7 @@ def main() -> None:
             write_text(PUBLISHED / name, (RESULTS / name).read_text(encoding="utf-8"))
     path = ROOT / "README.md"
     write_text(path, filled(path.read_text(encoding="utf-8")))
-    pictures()
+    pictures.draw(PUBLISHED, published("benchmark.json"), published("paper.json"))
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from importlib.util import find_spec
 from typing import Any
 
 import gymnasium as gym
@@ -13,7 +14,7 @@ from flatgym import catalogue
 from flatgym.catalogue import DEFAULT_SCENARIO, ProblemLike
 from flatgym.course import Course, Starts
 from flatgym.disturbances import Disturbances
-from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, fleet_of, not_finite
+from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, Fleet, not_finite
 from flatgym.quadrotor import Array
 from flatgym.rendering.film import Film
 from flatgym.resetting import begin, check_options, check_seed
@@ -44,6 +45,15 @@ def take_actions(actions: ArrayLike, into: Array) -> None:
     if values.shape != into.shape:
         raise ValueError(f"actions must have shape {into.shape}, got {values.shape}")
     into[...] = values
+
+
+def fleet_of(course: Course, n: int, same_step: bool = False) -> Fleet:
+    """Return a fleet: compiled where numba is installed."""
+    if find_spec("numba") is None:
+        return Fleet(course, n, same_step)
+    from flatgym.compiled import CompiledFleet
+
+    return CompiledFleet(course, n, same_step)
 
 
 class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):

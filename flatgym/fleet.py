@@ -1,13 +1,12 @@
 """Many flights of a course, with their episodes: the verbs of `flatgym.task`, and what begins anew when.
 
 `Fleet` is written with NumPy; `flatgym.compiled.CompiledFleet` is the same through compiled kernels, which
-`fleet_of` takes where numba is installed. Both environments, scalar and batched, are thin shells around one.
+the environments take where numba is installed. Both, scalar and batched, are thin shells around one.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -262,12 +261,3 @@ def drawn_scene(problem: Distribution, seeds: Seeds, episodes: Seeds) -> Scene:
         thrust_factor=np.ones(n),
         wind=np.zeros((n, 2)),
     )
-
-
-def fleet_of(course: Course, n: int, same_step: bool = False) -> Fleet:
-    """Return a fleet: compiled where numba is installed."""
-    if find_spec("numba") is None:
-        return Fleet(course, n, same_step)
-    from flatgym.compiled import CompiledFleet
-
-    return CompiledFleet(course, n, same_step)

@@ -22,8 +22,8 @@ from flatgym import catalogue
 from flatgym.catalogue import DEFAULT_SCENARIO, Problem, ProblemLike
 from flatgym.course import Course, Starts
 from flatgym.disturbances import Disturbances
-from flatgym.env import action_space, observation_space, take_actions
-from flatgym.fleet import OUTCOME, REWARD, TIME, Flown, Mask, Record, Seeds, fleet_of
+from flatgym.env import action_space, fleet_of, observation_space, take_actions
+from flatgym.fleet import OUTCOME, REWARD, TIME, Flown, Mask, Record, Seeds
 from flatgym.resetting import OPTIONS, begin, check_options, check_seed
 from flatgym.scenario import Tolerance
 from flatgym.scene import FLYING, OUTCOMES

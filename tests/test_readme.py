@@ -26,6 +26,13 @@ def test_tables_are_those_of_the_results():
     assert readme.filled(TEXT) == TEXT
 
 
+@pytest.mark.parametrize("name", ["scores", "environments"])
+def test_a_table_without_its_place_is_named(name):
+    for text in (TEXT.replace(f"<!-- {name} -->", ""), TEXT + f"<!-- {name} -->\n<!-- /{name} -->"):
+        with pytest.raises(ValueError, match=f"README.md must hold one block <!-- {name} -->"):
+            readme.filled(text)
+
+
 def test_every_picture_is_there():
     pictures = re.findall(r"!\[[^]]+\]\(([^)]+)\)", TEXT)
     assert pictures

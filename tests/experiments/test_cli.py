@@ -4,11 +4,13 @@ import json
 import sys
 
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 import optimal
 from experiments import cli
-from flatgym import SCENARIOS
+from flatgym import DISTRIBUTIONS, SCENARIOS
+from flatgym.reference import reference
 
 COMMANDS = ("list", "solve", "paper", "demos", "benchmark")
 
@@ -30,10 +32,45 @@ def test_help_has_an_example(command):
     assert "--json" in result.output
 
 
-def test_list_names_every_scenario(monkeypatch, capsys):
+def listed(monkeypatch, capsys):
+    """Return what `flatquad list --json` prints, by name."""
     status, out, _ = flatquad(monkeypatch, capsys, "list", "--json")
     assert status == 0
-    assert [row["scenario"] for row in json.loads(out)] == list(SCENARIOS)
+    return {row["scenario"]: row for row in json.loads(out)}
+
+
+def test_list_names_every_scenario_and_distribution(monkeypatch, capsys):
+    rows = listed(monkeypatch, capsys)
+    assert list(rows) == [*SCENARIOS, *DISTRIBUTIONS]
+    assert [row["kind"] for row in rows.values()] == ["scenario"] * len(SCENARIOS) + ["distribution"] * 2
+    assert (rows["random-goal"]["hoops"], rows["random-hoops"]["hoops"]) == (0, "1 to 3")
+
+
+def test_list_tells_what_is_known_of_each_optimum(monkeypatch, capsys):
+    rows = listed(monkeypatch, capsys)
+    for name in SCENARIOS:
+        row, known = rows[name], reference(name)
+        assert (row["k_star"], row["k_lower_bound"], row["proven"]) == (known.k_star, known.k_lower_bound, known.proven)
+        assert isinstance(row["k_star"], int)
+        assert (row["time_s"], row["lower_bound_s"]) == (known.time, known.time_lower_bound)
+    for name in DISTRIBUTIONS:
+        assert {rows[name][key] for key in ("k_star", "k_lower_bound", "proven", "time_s", "lower_bound_s")} == {None}
+
+
+def test_list_prints_tables_in_which_no_bound_is_rounded_upwards(monkeypatch, capsys):
+    monkeypatch.setattr(cli, "screen", Console(width=80))
+    status, out, _ = flatquad(monkeypatch, capsys, "list")
+    assert status == 0
+    cells = [line.replace("│", " ").split() for line in out.splitlines()]
+    rows = {line[0]: line for line in cells if line and line[0] in SCENARIOS}
+    assert list(rows) == list(SCENARIOS)
+    for name, row in rows.items():
+        *_, time, bound, k_star, proven = row
+        known = reference(name)
+        assert float(time) == pytest.approx(known.time, abs=5e-6)
+        assert known.time_lower_bound - 1.1e-5 < float(bound) <= known.time_lower_bound
+        assert (int(k_star), proven) == (known.k_star, str(known.proven))
+    assert all(name in out for name in DISTRIBUTIONS)
 
 
 def test_solve_prints_the_certified_row(monkeypatch, capsys):

@@ -11,7 +11,8 @@ from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS, Disturbances, Hoop, Quad
 from flatgym.catalogue import problem
 from flatgym.compiled import CompiledFleet
 from flatgym.course import Course, Starts
-from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, Fleet, fleet_of
+from flatgym.env import fleet_of
+from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, Fleet
 
 N = 60
 ALL = np.ones(N, dtype=bool)

@@ -1,0 +1,51 @@
+"""Gymnasium's RecordVideo films the environment.
+
+It writes through moviepy, which cannot be installed beside the pillow that Minari brings; so here stands a clip
+of the same interface that writes through imageio. Everything else is Gymnasium's own.
+"""
+
+import sys
+from types import ModuleType
+
+import gymnasium as gym
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+from gymnasium.wrappers import RecordVideo
+
+from flatgym.reference import reference
+
+
+class ImageSequenceClip:
+    """The part of moviepy's class that RecordVideo calls."""
+
+    def __init__(self, sequence, fps):
+        self.frames, self.fps = np.array(sequence), fps
+
+    def write_videofile(self, filename, **_):
+        imageio.imwrite(filename.replace(".mp4", ".gif"), self.frames, duration=1000 / self.fps)
+
+
+@pytest.fixture
+def moviepy(monkeypatch):
+    names = ["moviepy", "moviepy.video", "moviepy.video.io", "moviepy.video.io.ImageSequenceClip"]
+    for name in names:
+        monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    sys.modules[names[-1]].ImageSequenceClip = ImageSequenceClip
+
+
+@pytest.mark.usefixtures("moviepy")
+def test_an_episode_is_filmed_frame_by_frame(tmp_path):
+    env = gym.make("FlatQuad-v0", scenario="horizontal-3", render_mode="rgb_array", ghost=True)
+    env = RecordVideo(env, str(tmp_path / "films"), episode_trigger=lambda episode: episode == 0, disable_logger=True)
+    actions = reference("horizontal-3").actions
+    for _ in range(2):
+        env.reset(seed=0)
+        for action in actions:
+            *_, info = env.step(action)
+        assert info["outcome"] == "goal"
+    env.close()
+    (film,) = (tmp_path / "films").glob("*.gif")
+    frames = imageio.imread(film)
+    assert frames.shape[:3] == (len(actions) + 1, 720, 960)
+    assert np.any(frames[0] != frames[-1])
