@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from flatgym.kernels.passes import advance
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
 from flatgym.scene import Integers
-from flatgym.task import observation_names
+from flatgym.task import FAR, observation_names
 
 NUMBERS, NOTHING = len(fleet.ROWS), np.empty((0, 7))
 PATIENCE = 2.0
@@ -73,6 +74,14 @@ class CompiledFleet(Fleet):
             self.pending,
             self._padded,
         )
+        if not advance.signatures:
+            with telling():
+                self._advance(np.zeros((n, 7)))  # where nobody begins anything, but the kernels are compiled
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a copy: arrays are copied one by one, so what was part of another must become so again."""
+        self.__dict__.update(state)
+        self.actions = self._padded[: self.n]
 
     def _lay_out(self, scenario: Scenario) -> None:
         low_x, low_z, high_x, high_z = scenario.bounds
@@ -104,8 +113,8 @@ class CompiledFleet(Fleet):
             "dt": course.dt,
             "start_x": start[0],
             "start_z": start[1],
-            "floor": -np.inf if floor is None else floor,
-            "ceiling": np.inf if ceiling is None else ceiling,
+            "floor": -FAR if floor is None else floor,
+            "ceiling": FAR if ceiling is None else ceiling,
             "max_steps": course.problem.max_steps,
             "last_step": course.last_step,
             "share": self.share,
@@ -139,8 +148,7 @@ class CompiledFleet(Fleet):
         record = Record(np.empty((NUMBERS, n)), np.empty((2, n), dtype=np.int64), np.empty((3, n), dtype=np.bool_))
         if self.same_step:
             final = np.empty_like(observation), np.empty_like(record.numbers)
-        with nullcontext() if advance.signatures else telling():
-            ended = advance(*self._fixed, given, observation, *record, self._ended, *final)
+        ended = advance(*self._fixed, given, observation, *record, self._ended, *final)
         if ended < 0:
             raise not_finite(self.actions)
         rows = self._ended[:ended].copy()

@@ -167,6 +167,11 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.action_space = action_space()
         self._outcome: int | None = None
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a copy: its action is part of its own fleet's."""
+        self.__dict__.update(state)
+        self._action = self.fleet.actions[0]
+
     @property
     def scenario(self) -> Scenario:
         """The scenario of the present episode."""

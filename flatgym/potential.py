@@ -2,7 +2,7 @@
 
 Along any direction d the vehicle is at best a double integrator whose acceleration lies between
 -(thrust_max + g d_z) and thrust_max - g d_z, so the time in which it could cover the rest of the
-way along d and stop is a lower estimate of the time to go; the largest of eight directions is
+way along d and stop is a lower estimate of the time to go; the largest of six directions is
 taken, and a detour through hoops still ahead is added at a cruising speed.
 
 Differences of a potential leave the optimal policy as it is (Ng, Harada and Russell 1999), however
@@ -19,9 +19,9 @@ from flatgym.scene import Scene, Situation
 CRUISE_SPEED = 5.0
 """Speed at which the detour through hoops is reckoned [m/s]."""
 
-_ANGLES = np.arange(8) * np.pi / 8
+_ANGLES = np.arange(6) * np.pi / 6
 DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
-"""Eight directions over a half turn, shape (2, 8); each stands for both its ways."""
+"""Six directions over a half turn, shape (2, 6); each stands for both its ways."""
 
 
 def rest_time(offset: Array, speed: Array, forward: Array, backward: Array) -> Array:

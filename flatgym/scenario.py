@@ -18,6 +18,8 @@ from flatgym.validation import number, point, positive
 
 BOUNDS_MARGIN = 5.0
 """How far beyond everything a scenario names a flight may stray before it is out of bounds [m]."""
+LIFT_LEAST = 1e-6
+"""What thrust_max must exceed gravity by, as times of flight and rewards would be infinite else [m/s^2]."""
 STEPS_MOST = 1_000_000
 """Most steps of a flight."""
 
@@ -153,10 +155,10 @@ class Scenario:
 
     def _check_vehicle(self) -> None:
         q = self.quadrotor
-        if not q.thrust_min <= q.gravity < q.thrust_max:
+        if not q.thrust_min <= q.gravity <= q.thrust_max - LIFT_LEAST:
             raise ValueError(
-                f"Scenario.quadrotor cannot hover, and start and goal are at rest: needs thrust_min <= gravity < "
-                f"thrust_max, got {q.thrust_min} <= {q.gravity} < {q.thrust_max}"
+                f"Scenario.quadrotor cannot hover, and start and goal are at rest: needs thrust_min <= gravity <= "
+                f"thrust_max - {LIFT_LEAST:g}, got {q.thrust_min} <= {q.gravity} <= {q.thrust_max} - {LIFT_LEAST:g}"
             )
 
     def _check_heights(self) -> None:

@@ -26,10 +26,10 @@ from flatgym.env import action_space, fleet_of, observation_space, take_actions
 from flatgym.fleet import OUTCOME, REWARD, TIME, Flown, Mask, Record, Seeds
 from flatgym.resetting import OPTIONS, begin, check_options, check_seed
 from flatgym.scenario import Tolerance
-from flatgym.scene import FLYING, OUTCOMES
 from flatgym.validation import numbers
+from flatgym.words import Words
 
-WORDS = np.array(OUTCOMES, dtype=object)
+INFO_KEYS = ("state", "time", "steps", "hoops_passed", "is_success", "outcome")
 _NOBODY = np.zeros(0, dtype=np.intp)
 
 
@@ -82,9 +82,15 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         self.fleet = fleet_of(self.course, num_envs, self.autoreset_mode == AutoresetMode.SAME_STEP)
         self._all = np.ones(num_envs, dtype=bool)
         self._all.flags.writeable = False  # it is handed out as the mask of every info
-        self._flying = np.full(num_envs, OUTCOMES[FLYING], dtype=object)
+        self._masks = {f"_{key}": self._all for key in INFO_KEYS}
+        self._words = Words(num_envs)
         self._begun = False
         self._ended: Mask = np.zeros(num_envs, dtype=bool)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a copy: the mask of all stays read-only."""
+        self.__dict__.update(state)
+        self._all.flags.writeable = False
 
     @property
     def scenario(self) -> Problem:
@@ -156,17 +162,15 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
 
     def _infos(self, record: Record, mask: Mask, rows: NDArray[np.intp]) -> dict[str, Any]:
         """Return the infos; `rows` are the flights that have an outcome."""
-        words = self._flying.copy()  # faster than looking the word up for each
-        words[rows] = WORDS[record.numbers[OUTCOME][rows].astype(np.intp)]
         infos = {
             "state": record.numbers[0:5].T,
             "time": record.numbers[TIME],
             "steps": record.counts[0],
             "hoops_passed": record.counts[1],
             "is_success": record.flags[2],
-            "outcome": words,
+            "outcome": self._words.of(rows, record.numbers[OUTCOME][rows]),
         }
-        return infos | {f"_{key}": mask for key in infos}
+        return infos | (self._masks if mask is self._all else {f"_{key}": mask for key in infos})
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> Seeds | None:
         """Return a seed for each vehicle, or None to go on with the seeds there are."""

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from flatgym.kernels.layout import vectors
-from flatgym.task import FAR
 
 QUARTER, QUARTER_REST = math.pi / 2, 6.123233995736766e-17
 """pi/2 as the sum of two numbers."""
@@ -44,8 +43,7 @@ def bessel(a: float) -> Any:
 
 @vectors
 def squash(one: float, other: float, unit: float) -> Any:
-    """Return length / (unit + |length|) for two lengths with one division; 1 for what is very far."""
-    one, other = min(one, FAR), min(other, FAR)
+    """Return length / (unit + |length|) for two lengths with one division."""
     a, b = unit + abs(one), unit + abs(other)
     share = 1 / (a * b)
     return one * b * share, other * a * share

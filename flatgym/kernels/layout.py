@@ -53,7 +53,8 @@ ROWS = int(rows(1)[0]) // BLOCK
 rows = offsets()  # of what is forgotten with each block
 BX, BZ, BVX, BVZ, BTHETA, THRUST, RATE = rows(7)  # the state before the step, and the commands
 MX, MZ, MVX, MVZ, MTHETA = rows(5)  # the state as measured
-WAITED, BEFORE, FLAG, REWARD, END = rows(5)  # outcome and potential before; marks; what the step gave
+WAITED, BEFORE, REWARD, END = rows(4)  # outcome and potential before; what the step gave
+FLAG, AWAY_X, AWAY_Z = rows(3)  # marks; the way to the goal
 SCRATCH = int(rows(1)[0])
 
 ROW = offsets()(len(OBSERVATION_NAMES))  # of what is seen; and to count rows from another

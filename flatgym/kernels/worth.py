@@ -6,6 +6,8 @@ import math
 from typing import Any
 
 from flatgym.kernels.layout import (
+    AWAY_X,
+    AWAY_Z,
     BEFORE,
     END,
     FLAG,
@@ -37,14 +39,15 @@ def value(f: Any, s: Any, o: Any, n: Any, c: Any) -> None:
     thrust, gravity = c.thrust_max, c.gravity
     for i in range(n):
         s[FLAG + i] = 0.0
-    for d in range(8):
+        s[AWAY_X + i], s[AWAY_Z + i] = f[o + GOAL_X + i] - f[o + X + i], f[o + GOAL_Z + i] - f[o + Z + i]
+    for d in range(len(_DX)):
         dx, dz = _DX[d], _DZ[d]
         forward, backward = thrust - gravity * dz, thrust + gravity * dz
         to_forward, to_backward = 1 / forward, 1 / backward
         both = to_forward + to_backward
         for i in range(n):
             k = o + i
-            offset = (f[k + GOAL_X] - f[k + X]) * dx + (f[k + GOAL_Z] - f[k + Z]) * dz
+            offset = s[AWAY_X + i] * dx + s[AWAY_Z + i] * dz
             speed = f[k + VX] * dx + f[k + VZ] * dz
             over = 2 * offset < speed * abs(speed) * (to_backward if speed > 0 else to_forward)
             offset, speed = (-offset if over else offset), (-speed if over else speed)
@@ -53,7 +56,7 @@ def value(f: Any, s: Any, o: Any, n: Any, c: Any) -> None:
     for i in range(n):
         k = o + i
         x, z = f[k + X], f[k + Z]
-        gx, gz, hx, hz = f[k + GOAL_X] - x, f[k + GOAL_Z] - z, f[k + X1] - x, f[k + Z1] - z
+        gx, gz, hx, hz = s[AWAY_X + i], s[AWAY_Z + i], f[k + X1] - x, f[k + Z1] - z
         detour = math.sqrt(hx * hx + hz * hz) + f[k + WAY] - math.sqrt(gx * gx + gz * gz)
         over = (f[k + OUTCOME] != FLYING) & (f[k + OUTCOME] != TIME_LIMIT)
         s[i + BEFORE] = f[k + POTENTIAL]

@@ -1,7 +1,11 @@
 """FlatQuad-v0: what Gymnasium and SB3 ask of an environment, and clear words for misuse."""
 
+import copy
+import math
+import pickle
 import subprocess
 import sys
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -9,7 +13,10 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
-from flatgym import OBSERVATION_NAMES, OUTCOMES, SCENARIOS
+from flatgym import DISTRIBUTIONS, OBSERVATION_NAMES, OUTCOMES, SCENARIOS, Hoop, observation_names
+from flatgym.env import FlatQuadEnv
+from flatgym.reference import ghost_states, reference
+from flatgym.vector import FlatQuadVectorEnv
 
 INFO_KEYS = {"state", "time", "steps", "hoops_passed", "is_success", "outcome"}
 
@@ -99,6 +106,183 @@ def test_unknown_words_are_refused():
         gym.make("FlatQuad-v0", scenario="hop")
     with pytest.raises(ValueError, match="unknown reward 'dense'; known: shaped, sparse"):
         gym.make("FlatQuad-v0", reward="dense")
+
+
+def test_unknown_arguments_are_named():
+    with pytest.raises(TypeError, match="unexpected keyword argument 'colour'"):
+        gym.make("FlatQuad-v0", colour="red")
+    with pytest.raises(TypeError, match="unexpected keyword argument 'colour'"):
+        FlatQuadVectorEnv(2, colour="red")
+    with pytest.raises(ValueError, match="unknown autoreset_mode 'Later'; known: 'NextStep', 'SameStep', 'Disabled'"):
+        FlatQuadVectorEnv(2, autoreset_mode="Later")
+
+
+@pytest.mark.parametrize("num_envs", [0, -1, 2.5, True, "3", None])
+def test_a_batch_has_a_whole_number_of_vehicles(num_envs):
+    with pytest.raises(ValueError, match="num_envs must be"):
+        FlatQuadVectorEnv(num_envs)
+
+
+def test_huge_actions_are_finite_ones():
+    env = FlatQuadEnv()
+    env.reset()
+    huge = env.step(np.full(2, np.finfo(np.float64).max))[0]
+    env.reset()
+    np.testing.assert_array_equal(huge, env.step(np.ones(2))[0])
+
+
+@pytest.mark.parametrize("action", ["up", [None, 0.0], [[0.0], 1.0], [10**400, 0], np.array([1j, 0])])
+def test_actions_that_are_no_numbers_are_refused_and_nothing_is_flown(action):
+    env = FlatQuadEnv()
+    _, info = env.reset()
+    with pytest.raises(ValueError, match="actions must be an array of numbers"):
+        env.step(action)
+    assert env.step(np.zeros(2))[4]["steps"] == info["steps"] + 1
+
+
+# What is seen and told
+
+
+@pytest.mark.parametrize("observation", ["features", "state"])
+def test_every_component_of_an_observation_has_a_name(observation):
+    env = FlatQuadEnv(observation=observation)
+    assert env.reset()[0].shape == env.observation_space.shape == (len(observation_names(observation)),)
+    assert len(set(observation_names(observation))) == len(observation_names(observation))
+    assert observation_names() == OBSERVATION_NAMES
+
+
+def test_the_state_observed_is_the_state_told(generator):
+    env, envs = FlatQuadEnv(observation="state"), FlatQuadVectorEnv(3, observation="state")
+    for one in (env, envs):
+        observation, info = one.reset(seed=0)
+        for _ in range(20):
+            np.testing.assert_array_equal(observation, info["state"].astype(np.float32))
+            observation, *_, info = one.step(generator.uniform(-1, 1, one.action_space.shape))
+
+
+def test_what_was_told_does_not_change_later(generator):
+    for env in (FlatQuadEnv("random-goal"), FlatQuadVectorEnv(3, "random-goal", autoreset_mode="SameStep")):
+        told = [env.reset(seed=0)]
+        for _ in range(30):
+            told.append(env.step(generator.uniform(-1, 1, env.action_space.shape)))
+            if len(told) == 2:
+                copies = copy.deepcopy(told)
+        env.reset()
+        for then, now in zip(copies, told, strict=False):
+            for one, other in zip(then[:-1], now[:-1], strict=True):
+                np.testing.assert_array_equal(one, other)
+            assert then[-1].keys() == now[-1].keys()
+            assert all(np.array_equal(then[-1][key], now[-1][key]) for key in then[-1])
+
+
+def test_a_ghost_belongs_to_a_named_scenario_or_is_given():
+    other = replace(SCENARIOS["hoop"], dt=0.01)
+    for scenario in (other, DISTRIBUTIONS["random-hoops"]):
+        with pytest.raises(ValueError, match=r"no flight in K\* steps is stored .*; give states of shape \(K\+1, 5\)"):
+            FlatQuadEnv(scenario, ghost=True)
+    FlatQuadEnv(other, ghost=ghost_states("hoop"))
+    for ghost, words in (("fast", "the ghost must be an array of numbers"), (np.zeros(5), r"of shape \(K\+1, 5\)")):
+        with pytest.raises(ValueError, match=words):
+            FlatQuadEnv(ghost=ghost)
+    with pytest.raises(ValueError, match="unknown render_mode 'ascii'; known: human, rgb_array"):
+        FlatQuadEnv(render_mode="ascii")
+
+
+# Copies
+
+
+@pytest.mark.parametrize("make", [FlatQuadEnv, lambda *kind: FlatQuadVectorEnv(3, *kind)], ids=["scalar", "batched"])
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_in_mid_flight_flies_on_as_the_original(make, duplicate, generator):
+    env = make("random-hoops")
+    env.reset(seed=3)
+    env.step(env.action_space.high)
+    twin = duplicate(env)
+    for _ in range(5):
+        actions = generator.uniform(-1, 1, env.action_space.shape)
+        (seen, *_, infos), (other, *_, told) = env.step(actions), twin.step(actions)
+        np.testing.assert_array_equal(seen, other)
+        np.testing.assert_array_equal(infos["state"], told["state"])
+        assert make is FlatQuadEnv or not told["_state"].flags.writeable
+    np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
+
+
+def test_processes_fly_the_same():
+    envs = gym.make_vec("FlatQuad-v0", 2, "async", scenario="random-goal")
+    try:
+        observation, _ = envs.reset(seed=5)
+        flown = envs.step(np.zeros((2, 2), np.float32))[0]
+    finally:
+        envs.close()
+    batch = FlatQuadVectorEnv(2, "random-goal")
+    np.testing.assert_array_equal(observation, batch.reset(seed=5)[0])
+    np.testing.assert_array_equal(flown, batch.step(np.zeros((2, 2)))[0])
+
+
+# Laws
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_the_best_flights_known_reach_the_goal_in_k_star_steps_and_earn_minus_their_time(name):
+    known = reference(name)
+    env, envs = FlatQuadEnv(name, "sparse"), FlatQuadVectorEnv(3, name, "sparse", autoreset_mode="SameStep")
+    env.reset()
+    envs.reset()
+    total, totals = 0.0, np.zeros(3)
+    for k, action in enumerate(known.actions, 1):
+        _, reward, terminated, truncated, info = env.step(action)
+        _, rewards, *flags, infos = envs.step(np.tile(action, (3, 1)))
+        total, totals = total + reward, totals + rewards
+        assert (terminated, truncated) == (k == known.k_star, False)
+        assert np.all(flags[0] == terminated)
+        assert not flags[1].any()
+    assert (info["outcome"], info["steps"], info["is_success"]) == ("goal", known.k_star, True)
+    final = infos["final_info"]
+    assert (final["outcome"].tolist(), final["steps"].tolist()) == (["goal"] * 3, [known.k_star] * 3)
+    np.testing.assert_allclose([-total, *-totals], known.k_star * env.scenario.dt, rtol=1e-12)
+
+
+MIRRORED = np.array([-1.0 if name.endswith("_x") or name == "sin_theta" else 1.0 for name in OBSERVATION_NAMES])
+
+
+def mirrored(scenario):
+    """The same scenario seen from behind."""
+    return replace(
+        scenario,
+        start=(-scenario.start[0], scenario.start[1]),
+        goal=(-scenario.goal[0], scenario.goal[1]),
+        hoops=tuple(Hoop(-hoop.x, hoop.z, hoop.diameter, math.pi - hoop.angle) for hoop in scenario.hoops),
+    )
+
+
+@pytest.mark.parametrize("name", ["ground-6", "slalom", "loop"])
+def test_a_mirrored_scenario_is_flown_by_mirrored_actions(name, generator):
+    known, flights = reference(name).actions, generator.uniform(-1, 1, (5, len(reference(name).actions), 2))
+    envs, others = (FlatQuadVectorEnv(6, scenario) for scenario in (SCENARIOS[name], mirrored(SCENARIOS[name])))
+    seen, image = envs.reset(seed=0), others.reset(seed=0)
+    for actions in np.concatenate([known[None], flights]).transpose(1, 0, 2):
+        np.testing.assert_allclose(seen[0], image[0] * MIRRORED, atol=1e-6)
+        seen, image = envs.step(actions), others.step(actions * [1, -1])
+        np.testing.assert_allclose(seen[1], image[1], atol=1e-9)
+        for one, other in zip(seen[2:4], image[2:4], strict=True):
+            np.testing.assert_array_equal(one, other)
+        np.testing.assert_allclose(seen[4]["state"], image[4]["state"] * [-1, 1, -1, 1, -1], atol=1e-9)
+        np.testing.assert_array_equal(seen[4]["hoops_passed"], image[4]["hoops_passed"])
+    assert seen[4]["outcome"][0] == "goal"
+
+
+def test_a_failed_flight_pays_the_rest_of_its_time():
+    env = FlatQuadEnv("ground-6", "sparse")
+    env.reset()
+    total, terminated = 0.0, False
+    while not terminated:
+        _, reward, terminated, _, info = env.step(env.action_space.low)
+        total += reward
+    assert info["outcome"] == "floor"
+    assert math.isclose(-total, env.scenario.time_limit)
+
+
+# Import
 
 
 def test_import_loads_nothing_heavy():
