@@ -110,14 +110,18 @@ def monotone_times(arc: Any, dt: float, dx: float, dz: float) -> Any:
 
 
 @compiled
-def crossing(arc: Any, dt: float, px: float, pz: float, dx: float, dz: float, after: float) -> float:
-    """Return when the path first crosses a line from below to above later than `after` [s]; nan if it does not."""
+def crossing(arc: Any, dt: float, px: float, pz: float, dx: float, dz: float, after: float, end: float) -> float:
+    """Return when the path first crosses a line from below to above later than `after` [s]; nan if it does not.
+
+    `end` is the height over the line at the end of the step, from the very state in which the next step begins: were it
+    reckoned here once more, its rounding might lose a crossing between the two.
+    """
     times = monotone_times(arc, dt, dx, dz)
     low = max(times[0], after)
     before = event(arc, HEIGHT, px, pz, dx, dz, low)[0]
     for i in range(1, 5):
         high = max(times[i], after)
-        then = event(arc, HEIGHT, px, pz, dx, dz, high)[0]
+        then = event(arc, HEIGHT, px, pz, dx, dz, high)[0] if high < dt else end
         if before < 0 <= then:
             return rising_root(arc, HEIGHT, px, pz, dx, dz, low, high, 1.0)
         low, before = high, then

@@ -142,12 +142,15 @@ def meet(f: Any, s: Any, k: Any, i: Any, c: Any, hoops: Any) -> int:
     j, count = int(f[k + PASSED]), int(f[k + COUNT])
     while j < count:
         x, z, dx, dz, gap = hoops[j, 0], hoops[j, 1], hoops[j, 2], hoops[j, 3], hoops[j, 4]
-        when = crossing(arc, c.dt, x, z, dx, dz, time)
+        end = (f[k + X] - x) * dx + (f[k + Z] - z) * dz
+        when = crossing(arc, c.dt, x, z, dx, dz, time, end)
         if not when >= 0:
             break
         here, time = at(arc, when), when
         if abs((here[1] - z) * dx - (here[0] - x) * dz) <= gap / 2 - c.radius:
             j += 1
+        if time >= c.dt:
+            break
     if j != int(f[k + PASSED]):
         f[k + PASSED] = j
         aim(f, k, hoops)

@@ -153,3 +153,24 @@ def test_without_numba_numpy_flies():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "Fleet"
+
+
+@pytest.mark.parametrize("kind", [Fleet, CompiledFleet])
+@pytest.mark.parametrize("dt", [0.02, 0.05, 0.1])
+def test_a_line_reached_just_at_the_end_of_a_step_is_crossed_once(kind, dt):
+    # At constant speed, many flights come to the line in a whole number of steps, but for rounding.
+    speed = np.array([0.1 * k / (dt * m) for k in range(1, 6) for m in range(1, 11)])
+    state, everyone = np.zeros((len(speed), 5)), np.ones(len(speed), dtype=bool)
+    state[:, 2] = speed
+    for distance in range(1, 20):
+        scenario = Scenario("line", (0, 0), (9, 0), hoops=(Hoop(distance / 10, 0, 9.0),) * 2, dt=dt)
+        fleet = kind(Course(scenario), len(speed))
+        fleet.reset(everyone, state)
+        passed = np.zeros(len(speed))
+        for _ in range(40):
+            fleet.actions[:] = scenario.quadrotor.action([9.81, 0.0])
+            flown = fleet.step().record
+            passed = np.maximum(passed, flown.numbers[HOOPS_PASSED])
+        beyond = flown.numbers[0] > distance / 10 + 0.01
+        assert beyond.sum() > 5
+        np.testing.assert_array_equal(passed[beyond], 1)
