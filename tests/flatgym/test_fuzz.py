@@ -1,7 +1,7 @@
 """Whatever the scenario and the actions: no crash, no NaN, observations in their space, one outcome at the end.
 
-Hypothesis looks for extreme scenarios and actions, a seeded loop flies many ordinary ones, where hoops, rims, floors and
-goals are met. And whatever else is handed over is refused by the name of what it was handed over as.
+Hypothesis looks for extreme scenarios and actions, a seeded loop flies many ordinary ones, where hoops, rims, floors
+and goals are met. And whatever else is handed over is refused by the name of what it was handed over as.
 """
 
 import json
@@ -14,24 +14,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flatgym import (
-    DISTRIBUTIONS,
-    OUTCOMES,
-    SCENARIOS,
-    Distribution,
-    Disturbances,
-    Hoop,
-    Quadrotor,
-    Scenario,
-    Tolerance,
-)
+from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS, Distribution, Disturbances, Hoop, Quadrotor, Scenario, Tolerance
 from flatgym.course import Starts
-from flatgym.env import FlatQuadEnv
-from flatgym.fleet import Fleet, fleet_of
+from flatgym.env import FlatQuadEnv, fleet_of
+from flatgym.fleet import Fleet
 from flatgym.kernels import passes
 from flatgym.vector import FlatQuadVectorEnv
 
 MOST = 1e6  # what numbers of a scenario may be
+BODIES = (0.0,)
 
 
 def fuzz(examples):
@@ -54,10 +45,10 @@ def vehicles(draw):
     gravity = draw(st.one_of(st.just(9.81), upto(MOST / 2, 0.0)))
     return Quadrotor(
         thrust_min=gravity * draw(st.floats(0.0, 1.0)),
-        thrust_max=min(gravity + draw(upto(MOST, 1e-6)), MOST),
+        thrust_max=min(gravity + draw(upto(MOST, 2e-6)), MOST),
         rate_max=draw(st.one_of(st.just(10.0), upto(MOST, 1e-6))),
         gravity=gravity,
-        radius=draw(st.sampled_from([0.0, 0.0, 0.1, 1e-6, 1e5])),
+        radius=draw(st.sampled_from(BODIES)),
     )
 
 
@@ -145,9 +136,9 @@ def fly(env, actions, **reset):
     return total, info
 
 
-@pytest.mark.parametrize("kind", [fleet_of, Fleet], ids=["compiled", "numpy"])
 @fuzz(250)
 @given(
+    st.sampled_from([fleet_of] * 9 + [Fleet]),
     st.one_of(scenarios(), scenarios(), distributions()),
     disturbances,
     st.sampled_from(["sparse", "shaped"]),
@@ -165,3 +156,203 @@ def test_any_scenario_flies_to_one_outcome(kind, problem, disturbed, reward, obs
         if reward == "sparse":
             paid = info["time"] if info["is_success"] else problem.max_steps * problem.dt
             assert math.isclose(-total, paid, rel_tol=1e-9)
+
+
+# Ordinary scenarios, many of them
+
+
+def ordinary(generator):
+    """Draw a scenario in which much is met within few steps, or a distribution."""
+    if generator.random() < 0.2:
+        return replace(DISTRIBUTIONS["random-hoops"], half_width=3.1, time_limit=generator.uniform(0.1, 0.8))
+    start = generator.uniform(-1, 1, 2)
+    goal = start + generator.uniform([0.6, -1], [2.5, 1])
+    low, high = min(start[1], goal[1]), max(start[1], goal[1])
+    hoops = [
+        Hoop(*generator.uniform([-1, low], [2.5, high]), generator.uniform(0.3, 2), generator.uniform(-7, 7))
+        for _ in range(generator.integers(5))
+    ]
+    return Scenario(
+        "ordinary",
+        start,
+        goal,
+        hoops=hoops,
+        floor=generator.choice([None, low - generator.random()]),
+        ceiling=generator.choice([None, high + generator.random() + 0.01]),
+        quadrotor=Quadrotor(
+            generator.uniform(0, 9),
+            generator.uniform(10, 40),
+            generator.uniform(1, 20),
+            9.81,
+            generator.choice([0.0, 0.1]),
+        ),
+        tolerance=Tolerance(*generator.uniform([0.05, 0.1, 0.1], [0.5, 8, 3.2])),
+        dt=generator.uniform(0.005, 0.25),
+        time_limit=generator.uniform(0.3, 2),
+    )
+
+
+def any_disturbances(generator, body):
+    strengths = {"wind": 5.0, "thrust_gain": 0.5, "mass": 0.5, "sensor_noise": 0.3}
+    strengths |= {} if body else {"action_delay": 4}
+    return {name: most for name, most in strengths.items() if generator.random() < 0.3}
+
+
+def pool(problem, generator):
+    """Starts near what a scenario names."""
+    if isinstance(problem, Distribution):
+        return None
+    points = np.array([problem.start, problem.goal, *((hoop.x, hoop.z) for hoop in problem.hoops)])
+    state = generator.normal(0, [0.3, 0.3, 2, 2, 1], (100, 5))
+    state[:, 0:2] += points[generator.integers(len(points), size=100)]
+    return Starts(state, generator.integers(0, len(problem.hoops) + 1, 100), share=generator.choice([0.0, 0.7]))
+
+
+class Tally:
+    """What n flights have got in their present episodes, and how all before them ended."""
+
+    def __init__(self, envs, infos):
+        self.envs, self.limit = envs, envs.scenario.max_steps * envs.scenario.dt
+        self.total, self.met = np.zeros(envs.num_envs), np.zeros(len(OUTCOMES), dtype=int)
+        self.passed, self.hoops = infos["hoops_passed"], 0
+
+    def add(self, observation, reward, terminated, truncated, infos):
+        """Check a step in SAME_STEP mode."""
+        assert self.envs.observation_space.contains(observation)
+        assert np.isfinite(reward).all()
+        assert np.isfinite(infos["state"]).all()
+        ended = terminated | truncated
+        assert not (terminated & truncated).any()
+        assert np.all(infos["outcome"] == "flying")
+        self.total += reward
+        now = infos["hoops_passed"]
+        if ended.any():
+            self.end(ended, truncated, infos["final_obs"], infos["final_info"])
+            now = np.where(ended, infos["final_info"]["hoops_passed"], now)
+        assert np.all(now >= self.passed)
+        self.hoops += int((now - self.passed).sum())
+        self.passed, self.total[ended] = infos["hoops_passed"], 0.0
+
+    def end(self, ended, truncated, observations, final):
+        space, words = self.envs.single_observation_space, final["outcome"][ended]
+        assert all(space.contains(observation) for observation in observations[ended])
+        np.testing.assert_array_equal(words == "time-limit", truncated[ended])
+        np.testing.assert_array_equal(final["is_success"][ended], words == "goal")
+        self.met += [int(np.sum(words == word)) for word in OUTCOMES]
+        if self.envs.course.reward == "sparse":
+            paid = np.where(words == "goal", final["time"][ended], self.limit)
+            np.testing.assert_allclose(-self.total[ended], paid, rtol=1e-9)
+
+
+def variants():
+    return sum(len(getattr(one, "signatures", ())) for one in vars(passes).values())
+
+
+def test_half_a_million_steps_through_random_scenarios():
+    generator, n, steps = np.random.default_rng(0), 64, 40
+    met, hoops, flown, compiled = np.zeros(len(OUTCOMES), dtype=int), 0, 0, set()
+    for seed in range(250):
+        problem = ordinary(generator)
+        words = {
+            "reward": generator.choice(["sparse", "shaped"]),
+            "observation": generator.choice(["features", "state"]),
+        }
+        envs = FlatQuadVectorEnv(
+            n,
+            problem,
+            **words,
+            **any_disturbances(generator, problem.quadrotor.radius),
+            starts=pool(problem, generator),
+            autoreset_mode="SameStep",
+        )
+        tally = Tally(envs, envs.reset(seed=seed)[1])
+        for i in range(steps):
+            if i % 4 == 0:
+                actions = generator.uniform(-1.5, 1.5, (n, 2)) * generator.choice([1.0, 1e300], (n, 1), p=[0.9, 0.1])
+            tally.add(*envs.step(actions))
+            flown += n
+        met, hoops = met + tally.met, hoops + tally.hoops
+        compiled.add(variants())
+    assert met[0] == 0
+    assert np.all(met[1:] > 100), dict(zip(OUTCOMES, met, strict=True))
+    assert hoops > 1000
+    assert flown >= 500_000
+    assert len(compiled) == 1  # a new scenario compiles nothing
+
+
+# Whatever else is handed over
+
+whole = st.integers(-1000, 1000)
+junk = st.recursive(
+    st.one_of(st.none(), st.booleans(), whole, st.floats(), st.text(max_size=5), st.binary(max_size=2), st.just(1j)),
+    lambda parts: st.one_of(st.lists(parts, max_size=6), st.dictionaries(st.text(max_size=2), parts, max_size=2)),
+    max_leaves=6,
+)
+plain = SCENARIOS["hoop"]
+OWNERS = {
+    "FlatQuadEnv": (
+        FlatQuadEnv,
+        {},
+        ["scenario", "reward", "observation", *Disturbances().__dict__, "starts", "ghost", "render_mode"],
+    ),
+    "FlatQuadVectorEnv": (FlatQuadVectorEnv, {}, ["num_envs", "autoreset_mode", "max_episode_steps", "starts"]),
+    "Starts": (Starts, {"state": np.zeros((2, 5))}, ["state", "hoops_passed", "share"]),
+    **{
+        type(whole).__name__: (type(whole), whole.__dict__, [field.name for field in fields(whole)])
+        for whole in (plain, plain.hoops[0], plain.quadrotor, plain.tolerance, DISTRIBUTIONS["random-hoops"])
+    },
+}
+
+
+def refusal(call, kinds=ValueError):
+    """Return the words with which a call is refused, or none."""
+    try:
+        call()
+    except kinds as error:
+        return str(error)
+    return ""
+
+
+def try_out(env):
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+
+
+@pytest.mark.parametrize("owner", OWNERS)
+@fuzz(300)
+@given(st.data())
+def test_what_is_refused_is_refused_by_its_name(owner, data):
+    make, others, names = OWNERS[owner]
+    name = data.draw(st.sampled_from(names))
+    value = data.draw(st.one_of(junk, st.integers(-(10**400), 10**400)) if name != "num_envs" else junk)
+    kinds = (ValueError, TypeError) if name == "scenario" else ValueError  # TypeError for what is no word at all
+    words = refusal(lambda: make(**others | {name: value}), kinds)
+    assert not words or name.split("_")[0] in words
+    if not words and owner.startswith("FlatQuad"):
+        try_out(make(**others | {name: value}))
+
+
+@fuzz(300)
+@given(st.dictionaries(st.sampled_from([field.name for field in fields(Scenario)]), junk), st.integers(0, 200))
+def test_a_text_is_a_scenario_or_refused(changes, cut):
+    text = json.dumps(plain.to_dict() | changes, default=str)
+    for one in (text, text[: len(text) - cut]):
+        words = refusal(lambda one=one: Scenario.from_json(one))
+        assert not words or any(owner in words for owner in ("not a scenario", *OWNERS))
+
+
+@pytest.mark.parametrize("make", [FlatQuadEnv, lambda: FlatQuadVectorEnv(2)], ids=["scalar", "batched"])
+@fuzz(200)
+@given(st.sampled_from(["seed", "options", "state", "hoops_passed", "reset_mask", "actions"]), junk)
+def test_what_a_call_refuses_leaves_the_flight_as_it_was(make, name, value):
+    env, twin = make(), make()
+    for one in (env, twin):
+        one.reset(seed=0)
+    calls = {
+        "seed": lambda: env.reset(seed=value),
+        "options": lambda: env.reset(options=value),
+        "actions": lambda: env.step(value),
+    }
+    if words := refusal(calls.get(name, lambda: env.reset(options={name: value}))):
+        assert name in words
+        np.testing.assert_array_equal(env.step(env.action_space.low)[0], twin.step(env.action_space.low)[0])
