@@ -186,12 +186,17 @@ class Arc:
         origin, along = np.zeros((len(self), 2)), np.broadcast_to(direction, (len(self), 2))
         return np.min([self.height_over(origin, along, t)[0] for t in self.monotone_times(along)], axis=0)
 
-    def distance(self, point: Array) -> Array:
+    def distance(self, point: Array, within: float = np.inf) -> Array:
         """Return a proven lower bound of the distance to points (n, 2) over the step [m], less than 1e-9 too small.
 
-        With r = |p - point|^2 / 2, |p''| <= f + |c| and |p'''| <= f |omega|, r''' is bounded on any part of the
-        step. So parts on which r is shown to be monotone or convex have their least value at an end or at
-        the one root of r'. Parts shown to be too far away by the sagitta of |p''| do not matter; the rest is halved.
+        With r = |p - point|^2 / 2, |p'''| <= f |omega|, and |p''| at most f + |c| and at most what it is at the
+        beginning of a part and f |omega| adds to it, r''' is bounded on any part of the step. So parts on which r is
+        shown to be monotone or convex have their least value at an end or at the one root of r'. Parts shown to be too
+        far away by the sagitta of |p''| do not matter; the rest is halved.
+
+        Args:
+            point: shape (n, 2) [m].
+            within: where the distance is this or more, a value of this or more is returned [m]; it is sooner known.
 
         Returns:
             Shape (n,).
@@ -200,8 +205,8 @@ class Arc:
         least = np.minimum(self._distance_at(point, low), self._distance_at(point, high))
         while row.size:
             arc, p = self[row], point[row]
-            before, after = arc._approach_bounds(p, low, high)
-            sagitta = arc.most_acceleration * (high - low) ** 2 / 8
+            before, after, most = arc._approach_bounds(p, low, high)
+            sagitta = most * (high - low) ** 2 / 8
             floor = _chord_distance(before[0], after[0]) - sagitta
             rising = (np.minimum(before[1], after[1]) >= after[3]) | (np.maximum(before[1], after[1]) <= -after[3])
             convex = np.minimum(before[2], after[2]) >= before[3]
@@ -211,7 +216,7 @@ class Arc:
                 time = rising_root(partial(chosen.approach, target), low[turns], high[turns])
                 np.minimum.at(least, row[turns], chosen._distance_at(target, time))
             # What is left within a hair of the least is taken to come as close as it might.
-            left = ~(rising | convex) & (floor < least[row])
+            left = ~(rising | convex) & (floor < np.minimum(least[row], within))
             fine = left & (sagitta <= HAIR)
             np.minimum.at(least, row[fine], floor[fine])
             left &= ~fine
@@ -222,12 +227,11 @@ class Arc:
         return np.maximum(least, 0.0)
 
     def _approach_bounds(self, point: Array, low: Array, high: Array) -> Any:
-        """Return offset, r', r'' and a bound of an error, at both ends of a part of the step; see `distance`.
+        """Return offset, r', r'' and a bound of an error, at both ends of a part, and a bound of |p''|; see `distance`.
 
         The first bound is how far r'' may fall below its lesser end, the second how far r' may leave its chord.
         """
-        width = high - low
-        pull, jerk = self.most_acceleration, self.control[:, 0] * np.abs(self.control[:, 1])
+        width, jerk = high - low, self.control[:, 0] * np.abs(self.control[:, 1])
         found = []
         for time in (low, high):
             state = self.at(time)
@@ -236,10 +240,13 @@ class Arc:
             bend = np.sum(velocity**2 + offset * acceleration, axis=-1)
             found.append((offset, slope, bend))
             if time is low:
+                # What hovers has next to no acceleration, and is not looked at more and more closely.
+                most = np.hypot(acceleration[:, 0], acceleration[:, 1]) + jerk * width
+                pull = np.minimum(self.most_acceleration, most)
                 speed = np.hypot(velocity[:, 0], velocity[:, 1]) + pull * width
                 away = np.hypot(offset[:, 0], offset[:, 1]) + speed * width
         third = 3 * speed * pull + away * jerk
-        return (*found[0], third * width / 2), (*found[1], third * width**2 / 8)
+        return (*found[0], third * width / 2), (*found[1], third * width**2 / 8), pull
 
     def _distance_at(self, point: Array, time: Array, row: NDArray[Any] | None = None) -> Array:
         arc = self if row is None else self[row]

@@ -111,11 +111,15 @@ class Fleet:
 
     def set_tolerance(self, tolerance: Tolerance) -> None:
         """Let something else count as arrived from the next step on."""
+        if not isinstance(tolerance, Tolerance):
+            raise ValueError(f"tolerance must be a Tolerance, got {tolerance!r}")
         self.course = replace(self.course, problem=replace(self.course.problem, tolerance=tolerance))
         self._apply()
 
     def set_share(self, share: float) -> None:
         """Let another share of the episodes begin in the pool of starts."""
+        if not 0 <= share <= 1:
+            raise ValueError(f"share must lie in [0, 1], got {share}")
         self.share = share
         self._apply()
 

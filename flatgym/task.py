@@ -165,13 +165,13 @@ def _pass_hoops(scene: Scene, arc: Arc, passed: Integers) -> Integers:
 
 def _touches_rim(scene: Scene, arc: Arc) -> NDArray[np.bool_]:
     """Return whether the body touches an end of any hoop's gap during the step, shape (n,)."""
-    touched = np.zeros(len(arc), dtype=bool)
+    touched, radius = np.zeros(len(arc), dtype=bool), scene.quadrotor.radius
     for j in range(scene.hoop_centre.shape[1]):
         direction = scene.hoop_direction[:, j]
         across = np.stack([-direction[:, 1], direction[:, 0]], axis=-1)
         for side in (-0.5, 0.5):
             rim = scene.hoop_centre[:, j] + side * scene.hoop_diameter[:, j, None] * across
-            touched |= (arc.distance(rim) < scene.quadrotor.radius) & (j < scene.hoop_count)
+            touched |= (arc.distance(rim, radius) < radius) & (j < scene.hoop_count)
     return touched
 
 

@@ -138,27 +138,32 @@ def lowest(arc: Any, dt: float, dx: float, dz: float) -> float:
 
 
 @compiled
-def distance(arc: Any, dt: float, px: float, pz: float) -> float:
-    """Return a lower bound of the distance to a point over the step [m], less than 1e-9 too small."""
+def distance(arc: Any, dt: float, px: float, pz: float, within: float) -> float:
+    """Return a lower bound of the distance to a point over the step [m], less than 1e-9 too small.
+
+    Any value of `within` or more stands for all that is not nearer than that.
+    """
     _, _, _, _, _, thrust, rate, pull_x, pull_z = arc
     acceleration, jerk = thrust + math.hypot(pull_x, pull_z), thrust * abs(rate)
     parts = np.empty((PARTS, 2))
     parts[0, 0], parts[0, 1] = 0.0, dt
     waiting = 1
     least = min(_distance_at(arc, px, pz, 0.0), _distance_at(arc, px, pz, dt))
-    while waiting > 0:
+    while waiting > 0 and least >= within:
         waiting -= 1
         low, high = parts[waiting, 0], parts[waiting, 1]
         width = high - low
-        sagitta = acceleration * width**2 / 8
+        _, _, vx, vz, ax, az = at(arc, low)
+        # What hovers has next to no acceleration, and is not looked at more and more closely.
+        most = min(acceleration, math.hypot(ax, az) + jerk * width)
+        sagitta = most * width**2 / 8
         floor = _chord_distance(arc, px, pz, low, high) - sagitta
-        if floor >= least:
+        if floor >= min(least, within):
             continue
         slope_low, bend_low = event(arc, APPROACH, px, pz, 0.0, 0.0, low)
         slope_high, bend_high = event(arc, APPROACH, px, pz, 0.0, 0.0, high)
-        _, _, vx, vz, _, _ = at(arc, low)
-        speed = math.hypot(vx, vz) + acceleration * width
-        third = 3 * speed * acceleration + (_distance_at(arc, px, pz, low) + speed * width) * jerk
+        speed = math.hypot(vx, vz) + most * width
+        third = 3 * speed * most + (_distance_at(arc, px, pz, low) + speed * width) * jerk
         bow = third * width**2 / 8
         if min(slope_low, slope_high) >= bow or max(slope_low, slope_high) <= -bow:
             continue

@@ -182,7 +182,7 @@ def touches_rim(arc: Any, h: float, radius: float, hoops: Any, count: int) -> bo
         x, z, dx, dz, gap = hoops[j, 0], hoops[j, 1], hoops[j, 2], hoops[j, 3], hoops[j, 4]
         for i in range(2):
             side = (i - 0.5) * gap
-            if distance(arc, h, x - side * dz, z + side * dx) < radius:
+            if distance(arc, h, x - side * dz, z + side * dx, radius) < radius:
                 return True
     return False
 

@@ -71,3 +71,11 @@ def test_no_approach_is_missed_on_long_steps(generator, quadrotor):
     assert np.all((found <= near + 1e-12) & (found >= near - 1e-4))
     hover = Arc(quadrotor, np.zeros((2, 5)), np.array([[9.81, 0.0], [9.81, 1e-6]]), 0.1)
     np.testing.assert_allclose(hover.distance(np.array([[0.3, 0.4], [0.0, 0.0]])), [0.5, 0.0], atol=1e-9)
+
+
+def test_what_hovers_beside_a_point_is_seen_to_hover_however_long_the_step(quadrotor):
+    for dt in (0.02, 10.0, 1e4):
+        arc = Arc(quadrotor, np.zeros((2, 5)), np.array([[9.81, 0.0], [9.81, 1e-12]]), dt)
+        point = np.array([[0.3, 0.4], [0.0, 0.1]])
+        assert np.all(np.abs(arc.distance(point, within=0.5)[:1] - 0.5) <= 1e-9)
+        assert np.all(arc.distance(point, within=0.01) >= 0.01)
