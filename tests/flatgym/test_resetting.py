@@ -11,7 +11,7 @@ from flatgym.resetting import OPTIONS, check_options, check_seed
 from flatgym.vector import FlatQuadVectorEnv
 
 N, EPISODES = 4, 6
-BAD_SEEDS = [-1, 1.5, True, 2**63, 2**200, "7", {}, object(), np.nan]
+BAD_SEEDS = [-1, 1.5, True, 2**63, 2**200, "7", {}, int, np.nan]
 NOISY = {"wind": 2.0, "mass": 0.2, "action_delay": 3, "sensor_noise": 0.01}
 KINDS = {
     "random-hoops": {"scenario": "random-hoops"},
