@@ -129,7 +129,7 @@ def suspect(f: Any, s: Any, o: Any, m: Any, c: Any) -> int:
 
 @compiled
 def arc_of(f: Any, s: Any, k: Any, i: Any) -> Any:
-    """Return the arc of the step just flown, as `flatgym.events` wants it."""
+    """Return the arc of the step just flown, as `flatgym.kernels.events` wants it."""
     thrust = s[i + THRUST] * f[k + FACTOR]
     state = (s[i + BX], s[i + BZ], s[i + BVX], s[i + BVZ], s[i + BTHETA])
     return (*state, thrust, s[i + RATE], f[k + PULL_X], f[k + PULL_Z])
