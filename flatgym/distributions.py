@@ -165,7 +165,7 @@ def place(u: Any, numbers: Any, scene: Any) -> None:
     scene[1] = z
     scene[2] = count
     for j in range(int(most)):
-        first = 2 * TRIES + 1 + 3 * j
+        first = draws_needed(j)
         share, shift = (j + 1) / (count + 1), far / (count + 1) * aside * (2 * u[first] - 1)
         scene[PLACED + PER_HOOP * j] = share * x - shift * along_z
         scene[PLACED + PER_HOOP * j + 1] = share * z + shift * along_x

@@ -13,10 +13,11 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flatgym.draws import DISTURBANCE, NOISE, normal, uniform
 from flatgym.quadrotor import Array
-from flatgym.validation import number
+from flatgym.validation import nonnegative
 
 DELAY_MAX = 50
 """Longest delay of an action [steps]."""
@@ -47,9 +48,7 @@ class Disturbances:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = number("Disturbances", field.name, getattr(self, field.name))
-            if value < 0:
-                raise ValueError(f"Disturbances.{field.name} must be at least 0, got {value}")
+            value = nonnegative("Disturbances", field.name, getattr(self, field.name))
             if field.name in ("thrust_gain", "mass") and value >= 1:
                 raise ValueError(f"Disturbances.{field.name} must be below 1, a share of the nominal, got {value}")
             object.__setattr__(self, field.name, value)
@@ -64,7 +63,7 @@ class Disturbances:
         """The disturbances that are on, by name."""
         return {name: value for name, value in asdict(self).items() if value}
 
-    def draw(self, seed: Any, episode: Any) -> tuple[Array, Array, Array]:
+    def draw(self, seed: Any, episode: Any) -> tuple[Array, Array, NDArray[np.int64]]:
         """Return thrust factors (n,), accelerations by the wind (n, 2) [m/s^2] and delays (n,) [steps] of n episodes.
 
         Args:

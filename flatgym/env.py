@@ -158,9 +158,9 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         render_mode: str | None = None,
     ) -> None:
         disturbances = Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise)
-        self.course = Course(catalogue.problem(scenario), reward, observation, disturbances, starts)
-        self.film = Film(self.course.problem, render_mode, ghost, scored=not disturbances.active)
-        self.fleet = fleet_of(self.course, 1)
+        course = Course(catalogue.problem(scenario), reward, observation, disturbances, starts)
+        self.film = Film(course.problem, render_mode, ghost, scored=not disturbances.active)
+        self.fleet = fleet_of(course, 1)
         self._action = self.fleet.actions[0]
         self.render_mode = render_mode
         self.observation_space = observation_space(observation)
@@ -175,7 +175,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     @property
     def scenario(self) -> Scenario:
         """The scenario of the present episode."""
-        problem = self.course.problem
+        problem = self.fleet.course.problem
         if isinstance(problem, Scenario):
             return problem
         return problem.scenario(int(self.fleet.seeds[0]), int(self.fleet.episodes[0]))
@@ -190,7 +190,8 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         seeds = None if seed is None else np.array([seed], dtype=np.uint64)
         observation, record = begin(self.fleet, ALL, seeds, check_options(options))
         self._outcome, info = FLYING, self._info(record.numbers[:, 0].tolist())
-        self.film.begin(self.scenario, info)
+        if self.render_mode is not None:  # to build a drawn scenario takes longer than to begin flying it
+            self.film.begin(self.scenario, info)
         return observation[0], info
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:

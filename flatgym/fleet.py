@@ -107,7 +107,6 @@ class Fleet:
         self.situation = task.initial(self.scene)
         self.waits = np.zeros(self.n, dtype=bool)
         self.pending = np.zeros((self.course.disturbances.action_delay + 1, self.n, 2))
-        self.delay = np.zeros(self.n, dtype=np.int64)
 
     def set_tolerance(self, tolerance: Tolerance) -> None:
         """Let something else count as arrived from the next step on."""
@@ -191,11 +190,11 @@ class Fleet:
         slots = len(self.pending)
         if slots == 1:
             return control
-        rows, steps = np.arange(self.n), self.situation.steps
+        rows, steps, delay = np.arange(self.n), self.situation.steps, self.scene.delay
         self.pending[steps % slots, rows] = control
-        due = self.pending[(steps - self.delay) % slots, rows]
+        due = self.pending[(steps - delay) % slots, rows]
         hover = np.array([self.course.quadrotor.gravity, 0.0])
-        return np.where((self.delay > steps)[:, None], hover, due)
+        return np.where((delay > steps)[:, None], hover, due)
 
     def _begin_next(self, mask: Mask) -> None:
         self.ids[1, mask] += np.uint64(1)
@@ -205,7 +204,6 @@ class Fleet:
         seeds, episodes = self.seeds[rows], self.episodes[rows]
         if isinstance(self.course.problem, Distribution) or self.course.disturbances.active:
             self.scene = self.scene.put(rows, scene_of(self.course, seeds, episodes))
-            self.delay[rows] = self.course.disturbances.draw(seeds, episodes)[2]
         fresh, mask = task.initial(self.scene), np.zeros(self.n, dtype=bool)
         mask[rows] = True
         self.situation = self.situation.put(mask, fresh)
@@ -235,8 +233,8 @@ def scene_of(course: Course, seeds: Seeds, episodes: Seeds) -> Scene:
         scene = drawn_scene(problem, seeds, episodes)
     else:
         scene = Scene.of([problem]).repeat(n)
-    factor, wind, _ = course.disturbances.draw(seeds, episodes)
-    return replace(scene, last_step=np.full(n, course.last_step), thrust_factor=factor, wind=wind)
+    factor, wind, delay = course.disturbances.draw(seeds, episodes)
+    return replace(scene, last_step=np.full(n, course.last_step), thrust_factor=factor, wind=wind, delay=delay)
 
 
 def drawn_scene(problem: Distribution, seeds: Seeds, episodes: Seeds) -> Scene:
@@ -264,4 +262,5 @@ def drawn_scene(problem: Distribution, seeds: Seeds, episodes: Seeds) -> Scene:
         last_step=np.full(n, problem.max_steps),
         thrust_factor=np.ones(n),
         wind=np.zeros((n, 2)),
+        delay=np.zeros(n, dtype=np.int64),
     )

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flatgym.validation import number
+from flatgym.validation import nonnegative
 
 Array = NDArray[np.float64]
 
@@ -95,10 +95,7 @@ class Quadrotor:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = number("Quadrotor", field.name, getattr(self, field.name))
-            object.__setattr__(self, field.name, value)
-            if value < 0:
-                raise ValueError(f"Quadrotor.{field.name} must be at least 0, got {value!r}")
+            object.__setattr__(self, field.name, nonnegative("Quadrotor", field.name, getattr(self, field.name)))
         if self.thrust_max <= self.thrust_min:
             raise ValueError(f"Quadrotor.thrust_max must exceed thrust_min = {self.thrust_min}, got {self.thrust_max}")
         if self.rate_max == 0:

@@ -39,6 +39,7 @@ class Scene:
         last_step: steps after which a flight is truncated, shape (n,); sooner than the time limit if one wants it so.
         thrust_factor: by which the commanded thrust is multiplied, shape (n,).
         wind: acceleration by the wind [m/s^2], shape (n, 2).
+        delay: steps by which actions come late, shape (n,); whoever hands over the controls sees to it.
     """
 
     quadrotor: Quadrotor
@@ -57,6 +58,7 @@ class Scene:
     last_step: Integers
     thrust_factor: Array
     wind: Array
+    delay: Integers
 
     @classmethod
     def of(cls, scenarios: Sequence[Scenario]) -> Scene:
@@ -91,6 +93,7 @@ class Scene:
             last_step=np.array([s.max_steps for s in scenarios]),
             thrust_factor=np.ones(n),
             wind=np.zeros((n, 2)),
+            delay=np.zeros(n, dtype=np.int64),
         )
 
     def __len__(self) -> int:

@@ -31,6 +31,14 @@ def positive(owner: str, name: str, value: Any) -> float:
     return checked
 
 
+def nonnegative(owner: str, name: str, value: Any) -> float:
+    """Return a finite number that is not negative as a float."""
+    checked = number(owner, name, value)
+    if checked < 0:
+        raise ValueError(f"{owner}.{name} must be at least 0, got {checked!r}")
+    return checked
+
+
 def whole(name: str, value: Any, low: int, high: int) -> int:
     """Return a whole number in low..high as an int."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not low <= value <= high:

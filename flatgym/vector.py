@@ -71,7 +71,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             )
         disturbances = Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise)
         problem = catalogue.problem(scenario)
-        self.course = Course(problem, reward, observation, disturbances, starts, max_episode_steps)
+        course = Course(problem, reward, observation, disturbances, starts, max_episode_steps)
         self.num_envs = num_envs
         self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
@@ -79,7 +79,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         self.single_observation_space, self.single_action_space = observation_space(observation), action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.fleet = fleet_of(self.course, num_envs, self.autoreset_mode == AutoresetMode.SAME_STEP)
+        self.fleet = fleet_of(course, num_envs, self.autoreset_mode == AutoresetMode.SAME_STEP)
         self._all = np.ones(num_envs, dtype=bool)
         self._all.flags.writeable = False  # it is handed out as the mask of every info
         self._masks = {f"_{key}": self._all for key in INFO_KEYS}
@@ -93,9 +93,14 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         self._all.flags.writeable = False
 
     @property
+    def course(self) -> Course:
+        """What the environment is made with."""
+        return self.fleet.course
+
+    @property
     def scenario(self) -> Problem:
         """What is flown: a scenario, or the distribution from which each episode's is drawn."""
-        return self.fleet.course.problem
+        return self.course.problem
 
     def set_tolerance(self, tolerance: Tolerance) -> None:
         """Let something else count as arrived from the next step on, as a curriculum may want it."""
@@ -114,12 +119,10 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             seed: of the first vehicle, the others counting on from it; or one for each.
             options: as in the scalar environment, for all or for each; and "reset_mask", who starts anew, shape (n,).
         """
-        options, seed = (
-            check_options(options, (*OPTIONS, "reset_mask")),
-            seed.tolist() if isinstance(seed, np.ndarray) else seed,
-        )
-        mask = self._all if options.get("reset_mask") is None else self._check_mask(options["reset_mask"])
-        options.pop("reset_mask", None)
+        seed = seed.tolist() if isinstance(seed, np.ndarray) else seed
+        options = check_options(options, (*OPTIONS, "reset_mask"))
+        wanted = options.pop("reset_mask", None)
+        mask = self._all if wanted is None else self._check_mask(wanted)
         if not (self._begun or mask.all()):
             raise gym.error.ResetNeeded("the first reset() must start all flights, without a reset_mask")
         super().reset(seed=None if seed is None or isinstance(seed, Sequence) else check_seed(seed))

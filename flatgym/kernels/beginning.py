@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flatgym.distributions import PER_HOOP, PLACED, TRIES, place
+from flatgym.distributions import PER_HOOP, PLACED, draws_needed, place
 from flatgym.disturbances import affect
 from flatgym.draws import DISTURBANCE, SCENE, START, uniform
 from flatgym.kernels.layout import (
@@ -73,7 +73,7 @@ def start(f: Any, s: Any, k: Any, c: Any, lane: Any, world: Any) -> None:
 @compiled
 def draw_scene(f: Any, k: Any, seed: Any, episode: Any, hoops: Any, numbers: Any) -> None:
     """Draw goal and hoops, and set the bounds around them, as `Scenario.bounds` does."""
-    u, scene = np.empty(2 * TRIES + 1 + 3 * hoops.shape[0]), np.empty(PLACED + PER_HOOP * hoops.shape[0])
+    u, scene = np.empty(draws_needed(hoops.shape[0])), np.empty(PLACED + PER_HOOP * hoops.shape[0])
     for i in range(u.size):
         u[i] = uniform(seed, episode, np.uint64(SCENE + i))
     place(u, numbers, scene)

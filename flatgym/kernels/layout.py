@@ -18,7 +18,7 @@ import numba
 import numpy as np
 from numba.extending import register_jitable
 
-from flatgym.distributions import place
+from flatgym.distributions import draws_needed, place
 from flatgym.disturbances import affect
 from flatgym.draws import mix, normal, uniform
 from flatgym.task import OBSERVATION_NAMES
@@ -29,7 +29,7 @@ vectors = numba.njit(error_model="numpy", fastmath={"contract", "arcp"})
 """For loops over a block; no branches in them."""
 cached = numba.njit(cache=True, error_model="numpy")
 """For what is called from outside; kept on disk."""
-for shared in (mix, uniform, normal, place, affect):
+for shared in (mix, uniform, normal, draws_needed, place, affect):
     register_jitable(shared)
 
 BLOCK = 64
