@@ -2,7 +2,7 @@
 
 from flatgym.extras import require
 
-require("agents", "stable_baselines3", "torch", "minari", "pandas")
+require("agents", "stable_baselines3", "sb3_contrib", "torch", "minari", "pandas")
 
 from agents import demonstrations
 from agents.configs import PPOConfig

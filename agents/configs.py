@@ -1,68 +1,267 @@
-"""What a training depends on: one flat dataclass, a sentence for each field."""
+"""What a training depends on: one flat dataclass for each algorithm, a sentence for each field.
+
+PPOConfig(scenario="hoop", seed=1);  config.to_json();  from_json(text)
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
+from typing import Any, ClassVar, TypeAlias
+
+from flatgym import catalogue
+from flatgym.validation import MAGNITUDE, nonnegative, number, positive, whole
 
 TIGHT = 0.4
 """Share of the steps after which the tolerance is the true one."""
+MOST = 2**62
+"""Greatest whole number of a field."""
+
+Seed: TypeAlias = int
+"""A whole number in 0..2^32 - 1, as NumPy wants it."""
+Natural: TypeAlias = int
+"""A whole number, 0 or greater."""
+Count: TypeAlias = int
+"""A whole number, 1 or greater."""
+Real: TypeAlias = float
+"""A finite number."""
+Positive: TypeAlias = float
+"""A number above 0."""
+NonNegative: TypeAlias = float
+"""A number, 0 or greater."""
+Share: TypeAlias = float
+"""A number in [0, 1]."""
+Factor: TypeAlias = float
+"""A number, 1 or greater."""
 
 
 @dataclass(frozen=True)
-class PPOConfig:
-    """Everything a training depends on."""
+class Config:
+    """What all algorithms have in common.
+
+    Raises:
+        ValueError: naming the field, its value and what is allowed.
+    """
+
+    algorithm: ClassVar[str] = ""
+    """Name of the algorithm."""
 
     scenario: str = "hoop"
-    """Name of the scenario."""
-    seed: int = 0
+    """Name of the scenario or distribution."""
+    seed: Seed = 0
     """Seed of starts, network and exploration."""
-    seconds: float = 250.0
-    """Wall time after which training stops [s]; on a machine so slow that this comes first, the schedules
+    seconds: Positive = 250.0
+    """Wall time after which training stops [s]; on a machine so slow that this would come first, the schedules
     run over it instead of over `env_steps`."""
-    env_steps: int = 5_000_000
+    env_steps: Count = 5_000_000
     """Environment steps over which all schedules run, and after which training stops."""
-    folder: str = "runs/ppo"
-    """Where model, configuration and learning curve are written."""
-    num_envs: int = 256
+    folder: str = "runs"
+    """Where model, configuration, learning curve and checkpoint are written."""
+    num_envs: Count = 256
     """Vehicles flown at once."""
-    rollout: int = 64
+    rollout: Count = 64
     """Steps of each vehicle between two updates."""
-    batch: int = 4096
+    batch: Count = 4096
     """Size of a minibatch."""
-    epochs: int = 6
-    """Passes over a rollout."""
-    width: int = 64
-    """Units of each of two hidden layers."""
-    zoom: float = 3.0
+    width: Count = 64
+    """Units of each hidden layer of the actor."""
+    depth: Count = 2
+    """Hidden layers of actor and critic."""
+    value_width: Natural = 0
+    """Units of each hidden layer of the critic; 0 for as many as the actor's."""
+    zoom: Positive = 3.0
     """Factor on all observations but the attitude, before the network."""
-    log_std: float = -0.7
-    """Logarithm of the exploration's standard deviation at the beginning."""
-    learning_rate: float = 1e-3
-    """Learning rate of the first update; then it follows the divergence."""
-    learning_rate_max: float = 2e-2
-    """Largest learning rate."""
-    divergence: float = 0.03
-    """Wanted Kullback-Leibler divergence of an update at the beginning, falling linearly."""
-    divergence_end: float = 0.02
-    """Share of it that is wanted at the end."""
-    discount: float = 0.98
+    learning_rate: Positive = 1e-3
+    """Learning rate, of the first update where it changes."""
+    discount: Share = 0.98
     """Discount at the beginning."""
-    discount_end: float = 0.995
+    discount_end: Share = 0.995
     """Discount after three fifths of the steps."""
-    gae: float = 0.95
-    """Lambda of generalised advantage estimation."""
-    tolerance: float = 3.0
+    policy: str = ""
+    """A policy to start from, its network as it is: a zip, trusted to be your own, or the name of a pretrained one."""
+    tolerance: Factor = 3.0
     """Factor on the tolerance at the beginning, falling to 1 by TIGHT of the steps."""
-    drawn: float = 0.8
-    """Share of flights that begin elsewhere than at the start, until the tolerance is the true one."""
-    drawn_end: float = 0.1
+    drawn: Share = 0.8
+    """Share of flights that begin elsewhere than at the start, until the tolerance is the true one; those of a
+    distribution begin at the start always."""
+    drawn_end: Share = 0.1
     """The same share at the end."""
-    near: float = 0.125
+    near: Share = 0.125
     """Share of these that begin around the goal; the others at states flown backwards from it."""
-    back_time: float = 1.0
+    back_time: Positive = 1.0
     """Longest time flown backwards [s]."""
-    failure: float = 0.5
+    demonstrated: Share = 0.0
+    """Share of these that begin on a flight in K* steps instead: first close to the goal, anywhere on it by TIGHT of
+    the steps."""
+    failure: NonNegative = 0.5
     """What a failed flight costs in training [s]; the environment's own charge, the rest of the time
     limit, frightens a beginner away from the goal."""
-    check_every: int = 5
-    """Rollouts between two flights of the deterministic policy."""
+    check_every: Count = 5
+    """Rollouts between two checks of the deterministic policy."""
+    check_episodes: Count = 64
+    """Flights of a check on a distribution, the same each time; on a scenario one tells all."""
+    checkpoint_every: Count = 50
+    """Rollouts between two checkpoints; all flights begin anew then, with or without a resume."""
+    tensorboard: bool = False
+    """Whether to write TensorBoard's files too."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = KINDS[str(field.type)](type(self).__name__, field.name, getattr(self, field.name))
+            object.__setattr__(self, field.name, value)
+        catalogue.problem(self.scenario)
+
+    def to_json(self) -> str:
+        """Return the configuration as a JSON text that `from_json` reads."""
+        return json.dumps({"algorithm": self.algorithm, **asdict(self)}, indent=1)
+
+
+@dataclass(frozen=True)
+class PPOConfig(Config):
+    """Proximal policy optimisation (Schulman et al. 2017), its learning rate led by the divergence of the updates."""
+
+    algorithm: ClassVar[str] = "PPO"
+
+    folder: str = "runs/ppo"
+    epochs: Count = 6
+    """Passes over a rollout."""
+    log_std: Real = -0.7
+    """Logarithm of the exploration's standard deviation at the beginning."""
+    learning_rate_max: Positive = 2e-2
+    """Largest learning rate."""
+    divergence: Positive = 0.03
+    """Wanted Kullback-Leibler divergence of an update at the beginning, falling linearly."""
+    divergence_end: Share = 0.02
+    """Share of it that is wanted at the end."""
+    gae: Share = 0.95
+    """Lambda of generalised advantage estimation."""
+    value_warmup: Natural = 10
+    """First rollouts from which only the critic learns, so as not to spoil the policy one starts from; none without."""
+
+
+@dataclass(frozen=True)
+class OffPolicyConfig(Config):
+    """What the algorithms with a replay buffer have in common.
+
+    What is in the buffer was judged by the tolerance of its time, so the buffer is short enough to have forgotten the
+    easier ones when two thirds of the steps are over.
+    """
+
+    seconds: Positive = 900.0
+    env_steps: Count = 500_000
+    num_envs: Count = 64
+    rollout: Count = 1
+    batch: Count = 256
+    check_every: Count = 125
+    checkpoint_every: Count = 1_250
+    updates: Count = 8
+    """Gradient steps after a rollout."""
+    memory: Count = 120_000
+    """Steps that the replay buffer holds."""
+    blind_steps: Natural = 10_000
+    """Environment steps flown at random before learning begins; none where there is a policy to start from."""
+    mixing: Share = 0.005
+    """Share by which the target network follows the critic at each gradient step."""
+
+
+@dataclass(frozen=True)
+class SACConfig(OffPolicyConfig):
+    """Soft actor-critic (Haarnoja et al. 2018), its entropy coefficient learned."""
+
+    algorithm: ClassVar[str] = "SAC"
+
+    folder: str = "runs/sac"
+    entropy: Positive = 0.01
+    """Entropy coefficient at the beginning."""
+
+
+@dataclass(frozen=True)
+class TD3Config(OffPolicyConfig):
+    """Twin delayed deterministic policy gradients (Fujimoto et al. 2018)."""
+
+    algorithm: ClassVar[str] = "TD3"
+
+    folder: str = "runs/td3"
+    noise: NonNegative = 0.2
+    """Standard deviation of the exploration's noise on the action."""
+
+
+@dataclass(frozen=True)
+class TQCConfig(SACConfig):
+    """Truncated quantile critics (Kuznetsov et al. 2020): SAC on quantiles of the return, the highest cut off."""
+
+    algorithm: ClassVar[str] = "TQC"
+
+    folder: str = "runs/tqc"
+    dropped: Natural = 2
+    """Quantiles cut off from each critic."""
+
+
+CONFIGS: dict[str, type[Config]] = {kind.algorithm: kind for kind in (PPOConfig, SACConfig, TD3Config, TQCConfig)}
+"""The configurations by the name of their algorithm."""
+
+
+def config_of(algorithm: str, **values: Any) -> Config:
+    """Return the configuration of an algorithm, by its name in any letters.
+
+    Raises:
+        ValueError: for an unknown algorithm or field, listing the known ones, and for a bad value.
+    """
+    kind = CONFIGS.get(algorithm.upper())
+    if kind is None:
+        raise ValueError(f"unknown algorithm {algorithm!r}; known: {', '.join(CONFIGS)}")
+    known = [field.name for field in fields(kind)]
+    if unknown := sorted(set(values) - set(known)):
+        raise ValueError(f"unknown fields {', '.join(unknown)} of {kind.__name__}; known: {', '.join(known)}")
+    return kind(**values)
+
+
+def from_json(text: str) -> Config:
+    """Return what `Config.to_json` wrote; fields that are missing have their defaults.
+
+    Raises:
+        ValueError: for what is no JSON object with an "algorithm", for unknown fields and bad values.
+    """
+    try:
+        values = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"a configuration must be a JSON text: {error}") from None
+    if not isinstance(values, dict) or not isinstance(values.get("algorithm"), str):
+        raise ValueError(
+            f"a configuration must be a JSON object with an 'algorithm' of {', '.join(CONFIGS)}: {values!r}"
+        )
+    return config_of(**values)
+
+
+def _within(low: float, high: float) -> Callable[[str, str, Any], float]:
+    def check(owner: str, name: str, value: Any) -> float:
+        if not low <= number(owner, name, value) <= high:
+            raise ValueError(f"{owner}.{name} must lie in {low:g}..{high:g}, got {value!r}")
+        return float(value)
+
+    return check
+
+
+def _instance(kind: type) -> Callable[[str, str, Any], Any]:
+    def check(owner: str, name: str, value: Any) -> Any:
+        if not isinstance(value, kind):
+            raise ValueError(f"{owner}.{name} must be a {kind.__name__}, got {value!r}")
+        return value
+
+    return check
+
+
+KINDS: dict[str, Callable[[str, str, Any], Any]] = {
+    "str": _instance(str),
+    "bool": _instance(bool),
+    "Seed": lambda owner, name, value: whole(f"{owner}.{name}", value, 0, 2**32 - 1),
+    "Natural": lambda owner, name, value: whole(f"{owner}.{name}", value, 0, MOST),
+    "Count": lambda owner, name, value: whole(f"{owner}.{name}", value, 1, MOST),
+    "Real": number,
+    "Positive": positive,
+    "NonNegative": nonnegative,
+    "Share": _within(0.0, 1.0),
+    "Factor": _within(1.0, MAGNITUDE),
+}
+"""How a field of each type is checked; each returns the value as it is to be stored."""

@@ -6,7 +6,9 @@ Exit status: 0 done, 1 failed (no certified flight, say), 2 bad arguments.
 from __future__ import annotations
 
 import json
+import os
 import sys
+import time
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,6 +24,8 @@ import flatgym
 import optimal
 from experiments.files import SCHEMA, plain, write_json
 from experiments.listing import distribution_row, scenario_row
+from flatgym import catalogue
+from flatgym.reference import EVALUATION_SEED, reference
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -34,6 +38,8 @@ screen, messages = Console(), Console(stderr=True)
 Scenario = Annotated[str, typer.Argument(help="Name of a scenario; `flatquad list` shows them.", show_default=False)]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 RESULTS = Path("experiments/results")
+CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "flatquad"
+"""Where K* that had to be computed are kept, for the next time."""
 
 
 def progress_bar() -> Progress:
@@ -210,23 +216,224 @@ def paper(
     )
 
 
-@app.command(epilog="Example: flatquad demos hoop -n 8")
+@app.command(epilog="Example: flatquad demos hoop -n 8; flatquad demos random-goal -n 1000 --export goals.csv")
 def demos(
-    scenario: Scenario,
-    number: Annotated[int, typer.Option("-n", "--number", min=1, help="How many flights.")] = 8,
-    seed: Annotated[int, typer.Option(help="Seed of the displaced starts.")] = 0,
+    scenario: Annotated[
+        str, typer.Argument(help="Name of a scenario or distribution; `flatquad list` shows them.", show_default=False)
+    ],
+    number: Annotated[int, typer.Option("-n", "--number", min=1, help="How many flights from rest.")] = 8,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all that is drawn.")] = 0,
     out: Annotated[str, typer.Option(help="Minari id of the dataset; by default named after the scenario.")] = "",
+    displaced: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, help="Greatest distance of a start from the scenario's own [m]; 0.5, or 0 for a distribution."
+        ),
+    ] = None,
+    perturbed: Annotated[
+        int, typer.Option(min=0, help="How often each flight is also knocked off on its way and planned anew.")
+    ] = 0,
+    budget: Annotated[float, typer.Option(min=0.0, help="Time granted for each proof [s].")] = 0.0,
+    jobs: Annotated[int, typer.Option(help="Worker processes; -1 is one for each core.")] = -1,
+    backend: Annotated[str, typer.Option(help="loky: this machine, or ray: a Ray cluster.")] = "loky",
+    export: Annotated[Path | None, typer.Option(help="Write the dataset to a .csv or .parquet file too.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Record fewest-steps flights as a Minari dataset."""
-    from agents import demonstrations
+    """Record fewest-steps flights as a Minari dataset.
 
+    Flights that are found are kept beside Minari's datasets, so that a run broken off goes on where it stopped.
+    """
+    from agents import demonstrations
+    from agents.exporting import check_export
+
+    name, begun = demonstrations.dataset_id(scenario, out or None), time.perf_counter()
+    if export is not None:
+        check_export(export)
     with progress_bar() as bar:
-        work = bar.add_task(f"demonstrations of {scenario}", total=number, note="")
-        flights = demonstrations.plan(scenario, number, seed, progress=lambda: bar.advance(work))
-    dataset = demonstrations.record(scenario, flights, out or None)
-    row = {"dataset": dataset.id, "episodes": int(dataset.total_episodes), "steps": int(dataset.total_steps)}
+        work = bar.add_task(f"demonstrations of {scenario}", total=number * (1 + perturbed), note="")
+
+        found_before: list[int] = []  # flights of a run broken off
+
+        def planned(done: int, of: int) -> None:
+            if not found_before:
+                found_before.append(done - 1)
+            rate = (done - found_before[0]) / (time.perf_counter() - begun)
+            bar.update(work, completed=done, total=of, note=f"{rate:.1f} flights/s")
+
+        flights = demonstrations.plan(
+            scenario,
+            number,
+            seed,
+            spread=displaced,
+            perturbed=perturbed,
+            time_budget=budget,
+            jobs=jobs,
+            backend=backend,
+            store=demonstrations.flights_folder(),
+            progress=planned,
+        )
+        writing = bar.add_task(f"recorded as {name}", total=len(flights), note="")
+        dataset = demonstrations.record(
+            scenario, flights, name, progress=lambda done, _: bar.update(writing, completed=done)
+        )
+    row = {
+        "dataset": dataset.id,
+        "episodes": int(dataset.total_episodes),
+        "steps": int(dataset.total_steps),
+        "proven": sum(one.flight.proven for one in flights),
+        "wall_time_s": time.perf_counter() - begun,
+    }
+    if export is not None:
+        messages.print(f"table: {demonstrations.export(dataset, export)}", soft_wrap=True)
     show(pd.DataFrame([row]), as_json, "Recorded")
+
+
+@app.command(
+    epilog="Example: flatquad train hoop --seed 1 --folder runs/hoop-1; flatquad train random-goal --algorithm sac"
+)
+def train(
+    scenario: Annotated[
+        str, typer.Argument(help="Name of a scenario or distribution; `flatquad list` shows them.", show_default=False)
+    ],
+    algorithm: Annotated[str, typer.Option(help="ppo, sac, td3 or tqc.")] = "ppo",
+    seed: Annotated[int, typer.Option(help="Seed of starts, network and exploration.")] = 0,
+    seconds: Annotated[
+        float | None, typer.Option(help="Wall time after which training stops [s].", show_default="the algorithm's")
+    ] = None,
+    env_steps: Annotated[
+        int | None, typer.Option(help="Environment steps of the whole training.", show_default="the algorithm's")
+    ] = None,
+    policy: Annotated[
+        str,
+        typer.Option(
+            help="Policy to start from: a pretrained one, or a zip; code in it is run, so name only your own."
+        ),
+    ] = "",
+    folder: Annotated[
+        Path | None, typer.Option(help="Where all is written.", show_default="runs/ALGORITHM-SCENARIO-SEED")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in the folder.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Train a policy, and keep the best one met; interrupted, it goes on with --resume as if nothing had happened."""
+    from agents.configs import config_of
+    from agents.train import train
+
+    wanted = {"seconds": seconds, "env_steps": env_steps}
+    config = config_of(
+        algorithm,
+        scenario=scenario,
+        seed=seed,
+        policy=policy,
+        folder=str(folder or Path("runs") / f"{algorithm.lower()}-{catalogue.problem(scenario).name}-{seed}"),
+        **{name: value for name, value in wanted.items() if value is not None},
+    )
+    known = reference(config.scenario)
+    with progress_bar() as bar:
+        work = bar.add_task(f"{config.algorithm} on {scenario}", total=100, note="")
+
+        def watch(point: dict[str, Any]) -> None:
+            share = max(point["env_steps"] / config.env_steps, point["wall_time_s"] / config.seconds)
+            note = f"success {point['success_rate']:.0%}, {point['steps']:.4g} steps"
+            bar.update(work, completed=min(100, round(100 * share)), note=note)
+
+        training = train(config, known.k_star if known else None, resume, watch)
+    best = training.best
+    row = {
+        "scenario": scenario,
+        "algorithm": config.algorithm,
+        "seed": seed,
+        "success_rate": best["success_rate"] if best else 0.0,
+        "steps": best["steps"] if best else None,
+        "k_star": known.k_star if known else None,
+        "gap": known.gap(best["steps"]) if known and best else None,
+        "env_steps": training.env_steps,
+        "wall_time_s": round(training.wall_time_s, 1),
+        "model": str(training.model),
+    }
+    show(pd.DataFrame([row], dtype=object) if as_json else _upright(row), as_json, "Trained")
+
+
+@app.command(epilog="Example: flatquad evaluate --pretrained hoop; flatquad evaluate --agent pd --scenario random-goal")
+def evaluate(
+    policy: Annotated[
+        Path | None, typer.Argument(help="A policy's zip; code in it is executed, so only with --trust.")
+    ] = None,
+    scenario: Annotated[str, typer.Option(help="Name of a scenario or distribution; `flatquad list` shows them.")] = "",
+    pretrained: Annotated[str, typer.Option(help="Name of a policy that came with the package.")] = "",
+    agent: Annotated[str, typer.Option(help="expert: a flight in K* steps with feedback; or pd: a cascade.")] = "",
+    episodes: Annotated[int, typer.Option(min=1, help="How many flights.")] = 100,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the first flight; trainings use smaller ones.")
+    ] = EVALUATION_SEED,
+    trust: Annotated[bool, typer.Option("--trust", help="Load the zip: I know who wrote it.")] = False,
+    wind: Annotated[float, typer.Option(help="Greatest acceleration by the wind [m/s^2].")] = 0.0,
+    mass: Annotated[float, typer.Option(help="Greatest error of the mass, as a share.")] = 0.0,
+    thrust_gain: Annotated[float, typer.Option(help="Greatest error of the thrust, as a share.")] = 0.0,
+    action_delay: Annotated[int, typer.Option(help="Greatest delay of the actions [steps].")] = 0,
+    sensor_noise: Annotated[float, typer.Option(help="Standard deviation of what is measured [m, m/s, rad].")] = 0.0,
+    as_json: AsJson = False,
+) -> None:
+    """Score a policy: success, steps, and the gap to K*, the fewest steps possible."""
+    from agents.evaluate import evaluate
+
+    disturbances = flatgym.Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise)
+    with progress_bar() as bar:
+        bar.add_task("flying", total=None, note="")
+        name, flown, scenario = _contestant(policy, pretrained, agent, scenario, trust)
+        rows = evaluate(
+            flown,
+            scenario,
+            episodes,
+            seed,
+            disturbances=disturbances,
+            store=CACHE,
+            agent=name,
+            env_steps=getattr(flown, "num_timesteps", None),
+            command=command_line(),
+        )
+    titles = {
+        "scenario": "scenario",
+        "agent": "agent",
+        "episodes": "flights",
+        "success_rate": "success",
+        "steps": "steps",
+        "k_star": "K*",
+        "gap": "gap",
+        "outcomes": "outcomes",
+    }
+    if not as_json:
+        rows["outcomes"] = [", ".join(f"{word} {n}" for word, n in counts.items()) for counts in rows["outcomes"]]
+    show(rows, as_json, "Score", titles)
+
+
+def _contestant(policy: Path | None, pretrained: str, agent: str, scenario: str, trust: bool) -> tuple[str, Any, str]:
+    """Return the name of who is to be scored, what flies, and on what: by default what a policy was trained on."""
+    if sum(map(bool, (policy, pretrained, agent))) != 1:
+        raise ValueError("name one policy to score: a zip, --pretrained NAME, or --agent expert or pd")
+    if agent:
+        return agent, _agent(agent, scenario), scenario
+    from agents import policies
+
+    path = policy or policies.PRETRAINED / f"{pretrained}.zip"
+    model = policies.pretrained(pretrained) if pretrained else policies.load(path, trust)
+    scenario = scenario or policies.describe(path).get("scenario", "")
+    if not scenario:
+        raise ValueError(f"{path} does not say what it was trained on: give --scenario")
+    return pretrained or path.stem, model, scenario
+
+
+def _agent(agent: str, scenario: str) -> Any:
+    from agents.cascade import Cascade
+    from agents.experts import Expert
+
+    if agent not in ("expert", "pd"):
+        raise ValueError(f"unknown agent {agent!r}; known: expert, pd")
+    if not scenario:
+        raise ValueError(f"the agent {agent} flies anything: give --scenario")
+    if agent == "pd":
+        return Cascade(flatgym.catalogue.problem(scenario).quadrotor)
+    return Expert(optimal.fewest_steps_many([scenario], jobs=1, store=CACHE)[0])
 
 
 @app.command(epilog="Example: flatquad benchmark --seconds 250")

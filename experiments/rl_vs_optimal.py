@@ -102,10 +102,12 @@ def run(
 def _demonstrate(name: str, seed: int, bar: Progress) -> list[FewestSteps]:
     """Find K* and flights from displaced starts, and store them as a Minari dataset."""
     work = bar.add_task(f"demonstrations of {name}", total=DEMONSTRATIONS, note="")
-    flights = demonstrations.plan(name, DEMONSTRATIONS, seed, progress=lambda: bar.advance(work))
-    dataset = demonstrations.record(name, flights)
-    bar.update(work, note=f"K* = {flights[0].steps}, stored as {dataset.id}")
-    return flights
+    planned = demonstrations.plan(
+        name, DEMONSTRATIONS, seed, jobs=1, progress=lambda done, of: bar.update(work, completed=done, total=of)
+    )
+    dataset = demonstrations.record(name, planned)
+    bar.update(work, note=f"K* = {planned[0].steps}, stored as {dataset.id}")
+    return [one.flight for one in planned]
 
 
 def _train(configs: Sequence[PPOConfig], optima: Sequence[FewestSteps], bar: Progress) -> list[Training]:

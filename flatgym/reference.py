@@ -3,10 +3,11 @@
     table = reference("hoop")
     table.k_star, table.proven, table.time, table.time_lower_bound
     ghost_states("hoop")    # the K*-flight, to fly against
+    drawn_k_star("random-goal", seeds).k_star    # of the scenarios that scores are flown on
 
 The numbers stand in `reference.json` beside this file, so that a score needs no solver; `python -m
-experiments.reference` computes them. They belong to the very scenarios of SCENARIOS: whoever changes
-so much as a tolerance has to ask `optimal`.
+experiments.reference` computes them. They belong to the very scenarios of SCENARIOS and DISTRIBUTIONS:
+whoever changes so much as a tolerance has to ask `optimal`.
 """
 
 from __future__ import annotations
@@ -15,19 +16,22 @@ import json
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flatgym import catalogue
 from flatgym.catalogue import SCENARIOS, ProblemLike
+from flatgym.distributions import DISTRIBUTIONS
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of `reference.json`; another is refused."""
 FILE = "reference.json"
+EVALUATION_SEED = 1_000_000
+"""Seed of the first drawn scenario that scores are flown on; training keeps to smaller ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +107,40 @@ def ghost_states(problem: ProblemLike) -> Array:
     return _flown(found.scenario)
 
 
+class Drawn(NamedTuple):
+    """What is known of drawn scenarios; NaN where nothing is.
+
+    Attributes:
+        k_star: the fewest environment steps in which a flight is known, shape (n,).
+        k_lower_bound: no flight whatever takes fewer steps, shape (n,).
+    """
+
+    k_star: Array
+    k_lower_bound: Array
+
+    @property
+    def proven(self) -> NDArray[np.bool_]:
+        """Whether the two are known and agree, shape (n,)."""
+        return np.equal(self.k_star, self.k_lower_bound)
+
+
+def drawn_k_star(problem: ProblemLike, seeds: ArrayLike) -> Drawn:
+    """Return what is known of the scenarios `distribution.scenario(seed)`.
+
+    Args:
+        problem: a distribution or its name; nothing is known but of those of DISTRIBUTIONS as they are.
+        seeds: whole numbers, shape (n,); known from EVALUATION_SEED on.
+    """
+    found, seeds = catalogue.problem(problem), np.asarray(seeds)
+    known = np.full((2, len(seeds)), np.nan)
+    row = _data()["draws"].get(found.name)
+    if row is not None and DISTRIBUTIONS.get(found.name) == found:
+        index = seeds - row["first_seed"]
+        there = (index >= 0) & (index < len(row["k_star"]))
+        known[:, there] = np.array([row["k_star"], row["k_lower_bound"]])[:, index[there]]
+    return Drawn(*known)
+
+
 @lru_cache
 def _flown(name: str) -> Array:
     scenario = SCENARIOS[name]
@@ -116,8 +154,14 @@ def _flown(name: str) -> Array:
 
 @lru_cache
 def _table() -> dict[str, Reference]:
-    """Return all rows by the scenario's name; read once."""
-    data = json.loads(files("flatgym").joinpath(FILE).read_text(encoding="utf-8"))
+    """Return all rows by the scenario's name."""
+    return {row["scenario"]: Reference.of(row) for row in _data()["references"]}
+
+
+@lru_cache
+def _data() -> dict[str, Any]:
+    """Return what the file holds; read once."""
+    data: dict[str, Any] = json.loads(files("flatgym").joinpath(FILE).read_text(encoding="utf-8"))
     if data.get("schema") != SCHEMA:
         raise ValueError(f"flatgym/{FILE} has schema {data.get('schema')!r}, this version reads {SCHEMA}")
-    return {row["scenario"]: Reference.of(row) for row in data["references"]}
+    return data

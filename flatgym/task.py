@@ -98,7 +98,7 @@ def fly_actions(scenario: Scenario, actions: NDArray[Any]) -> list[Situation]:
     The list is shorter than K + 1 when the flight ends before the last action.
     """
     scene = Scene.of([scenario])
-    situations = [initial(scene)]
+    situations = [replace(initial(scene), state=scenario.start_state[None])]
     for action in actions:
         if situations[-1].outcome[0] != FLYING:
             break

@@ -108,7 +108,7 @@ def _many(
         if kept is not None and (answer := kept.read(task)) is not None:
             answers[task] = answer
     left = sorted((task for task in dict.fromkeys(tasks) if task not in answers), key=_likeness)
-    found = _answers(partial(_attempt, ask, options), left, jobs, backend) if left else iter(())
+    found = unordered(partial(_attempt, ask, options), left, jobs, backend) if left else iter(())
     for answer in _watched(found, len(left), progress):
         answers[answer.scenario] = answer
         # What broke off may do better next time.
@@ -162,7 +162,7 @@ def broken_off(ask: Callable[..., Result], task: Scenario, reason: str) -> Any:
     return FewestSteps(task, math.inf, actions, states, 0, math.inf, 0, Status.BROKEN_OFF, reason)
 
 
-def _answers(attempt: Callable[[Scenario], Any], left: list[Scenario], jobs: int, backend: str) -> Iterator[Any]:
+def unordered(attempt: Callable[[Scenario], Any], left: list[Scenario], jobs: int, backend: str) -> Iterator[Any]:
     """Yield the answers as they come: one by one, or in waves from Ray, which hands out nothing before all is done."""
     calls = [joblib.delayed(attempt)(task) for task in left]
     if backend == "loky":

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flatgym.arc import Arc
-from flatgym.quadrotor import Array
+from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenario import Hoop, Scenario
 from optimal.bounds import projection_bound
 from optimal.trajectory import Flight, Trajectory
@@ -126,7 +126,7 @@ def certify(flight: Flight | None, scenario: Scenario) -> Certificate:
     while True:
         time = fine_grid(flight.breakpoints, parts)
         states = flight.state(time)
-        replay, arcs = fly_again(flight, scenario, time, states)
+        replay, arcs = fly_again(flight, scenario.quadrotor, scenario.start_state, time, states)
         if not (np.isfinite(states).all() and np.isfinite(replay).all()):
             return Certificate(lower_bound=bound)
         ends = np.append(0, np.cumsum(parts))
@@ -188,8 +188,8 @@ def control_range(flight: Flight) -> Array:
     return np.array([[-math.inf] * 2, [math.inf] * 2])
 
 
-def fly_again(flight: Flight, scenario: Scenario, time: Array, states: Array) -> tuple[Array, Arc]:
-    """Fly the flight's controls, averaged over each interval of `time`, from the scenario's start.
+def fly_again(flight: Flight, quadrotor: Quadrotor, start: Array, time: Array, states: Array) -> tuple[Array, Arc]:
+    """Fly the flight's controls, averaged over each interval of `time`, from a state (5,).
 
     Returns:
         The states at `time`, shape (n, 5), and the n - 1 arcs between them.
@@ -198,17 +198,17 @@ def fly_again(flight: Flight, scenario: Scenario, time: Array, states: Array) ->
     Each arc is flown from zero position and velocity; as these enter the equations linearly and
     gravity is uniform, the arcs add up exactly.
     """
-    q, dt = scenario.quadrotor, np.diff(time)
+    dt = np.diff(time)
     middle = flight.control((time[:-1] + time[1:]) / 2)
     controls = np.stack([middle[:, 0], np.diff(states[:, 4]) / dt], axis=-1)
-    theta = scenario.start_state[4] + np.append(0.0, np.cumsum(controls[:, 1] * dt))
+    theta = start[4] + np.append(0.0, np.cumsum(controls[:, 1] * dt))
     still = np.zeros((len(dt), 5))
     still[:, 4] = theta[:-1]
-    change = q.step(still, controls, dt)
-    velocity = np.concatenate([np.zeros((1, 2)), np.cumsum(change[:, 2:4], axis=0)])
+    change = quadrotor.step(still, controls, dt)
+    velocity = start[2:4] + np.concatenate([np.zeros((1, 2)), np.cumsum(change[:, 2:4], axis=0)])
     way = np.concatenate([np.zeros((1, 2)), np.cumsum(velocity[:-1] * dt[:, None] + change[:, 0:2], axis=0)])
-    replay = np.concatenate([way + scenario.start_state[0:2], velocity, theta[:, None]], axis=1)
-    return replay, Arc(q, replay[:-1], controls, dt)
+    replay = np.concatenate([way + start[0:2], velocity, theta[:, None]], axis=1)
+    return replay, Arc(quadrotor, replay[:-1], controls, dt)
 
 
 def path_violation(arcs: Arc, scenario: Scenario) -> float:
@@ -297,7 +297,8 @@ def told_clearance(flight: Flight, scenario: Scenario, hoop: Hoop, time: float) 
 def crossing_times(flight: Flight, scenario: Scenario) -> Array:
     """Return when a flight crosses each hoop [s], shape (H,) or shorter where one is never crossed."""
     time = flight.breakpoints
-    _, arcs = fly_again(flight, scenario, time, flight.state(time))
+    states = flight.state(time)
+    _, arcs = fly_again(flight, scenario.quadrotor, states[0], time, states)
     return np.array([time for time, _ in hoop_crossings(arcs, scenario)])
 
 

@@ -36,7 +36,7 @@ ROUNDS = 8
 def rim_depth(scenario: Scenario, shot: Shot) -> float:
     """Return how deep the body of a flight reaches into a rim, in continuous time [m]."""
     flight = shot.trajectory
-    _, arcs = fly_again(flight, scenario, flight.breakpoints, flight.states)
+    _, arcs = fly_again(flight, scenario.quadrotor, scenario.start_state, flight.breakpoints, flight.states)
     return path_violation(arcs, replace(scenario, floor=None, ceiling=None))
 
 

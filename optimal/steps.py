@@ -230,7 +230,7 @@ PRESSED = 0.02
 
 
 def crossing_steps(target: Scenario, flight: Trajectory, count: int) -> tuple[int, ...]:
-    """Return the steps in which a flight, flown in `count` steps, crosses the hoops; fewer where it grazes one."""
+    """Return the steps in which a flight, flown in `count` steps, crosses the hoops; fewer where it never meets one."""
     times = crossing_times(flight, target) if target.hoops else np.zeros(0)
     return tuple(int(j) for j in np.clip(np.floor(times / flight.duration * count), 0, count - 1))
 
@@ -257,9 +257,10 @@ def flown_states(target: Scenario, actions: NDArray[np.float32]) -> Array:
     Each step is flown from zero position and velocity; as these enter the equations linearly, the steps add up.
     """
     controls, still = target.quadrotor.control(actions), np.zeros((len(actions), 5))
-    theta = np.append(0.0, np.cumsum(controls[:, 1] * target.dt))
+    start = target.start_state
+    theta = start[4] + np.append(0.0, np.cumsum(controls[:, 1] * target.dt))
     still[:, 4] = theta[:-1]
     change = target.quadrotor.step(still, controls, target.dt)
-    velocity = np.append(np.zeros((1, 2)), np.cumsum(change[:, 2:4], axis=0), axis=0)
+    velocity = start[2:4] + np.append(np.zeros((1, 2)), np.cumsum(change[:, 2:4], axis=0), axis=0)
     way = np.append(np.zeros((1, 2)), np.cumsum(velocity[:-1] * target.dt + change[:, 0:2], axis=0), axis=0)
-    return np.column_stack([way + target.start, velocity, theta])
+    return np.column_stack([way + start[:2], velocity, theta])

@@ -1,17 +1,20 @@
-"""Training: reproducible, stops when told, keeps the best policy, and its files load."""
+"""Training: reproducible, stops when told, keeps the best policy, starts from one, and its files load."""
 
+import csv
 import json
 import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
-from agents.configs import PPOConfig
+from agents import policies
+from agents.configs import CONFIGS, PPOConfig, SACConfig, config_of
 from agents.evaluate import fly
-from agents.train import GentleFailure, Schedules, build, load, read_curve, train
-from agents.vec_env import make_vec_env
-from optimal import fewest_steps
+from agents.schedules import PPOSchedules, Progress, rank
+from agents.train import build, load, read_curve, train
+from flatgym.reference import reference
 
 SMALL = PPOConfig(
     scenario="horizontal-3", env_steps=2048, num_envs=16, rollout=16, batch=128, epochs=2, width=16, check_every=2
@@ -30,10 +33,31 @@ def test_same_seed_same_policy_and_files_that_load(small, tmp_path):
     assert read_curve(small) == first.curve
     assert json.loads((tmp_path / "config.json").read_text())["seed"] == small.seed
     again = train(replace(small, folder=str(tmp_path / "again")))
-    flights = [fly(load(training.model), small.scenario) for training in (first, again)]
-    np.testing.assert_array_equal(flights[0].actions[0], flights[1].actions[0])
+    assert again.model.read_bytes() == first.model.read_bytes()
     other = train(replace(small, folder=str(tmp_path / "other"), seed=1))
-    assert not np.array_equal(fly(load(other.model), small.scenario).actions[0][:5], flights[0].actions[0][:5])
+    flights = [fly(load(training.model), small.scenario) for training in (first, other)]
+    assert not np.array_equal(flights[0].actions[0][:5], flights[1].actions[0][:5])
+
+
+@pytest.mark.parametrize("algorithm", CONFIGS)
+def test_every_algorithm_learns_on_distributions(tmp_path, algorithm):
+    own = {"rollout": 8, "batch": 64} if algorithm == "PPO" else {"blind_steps": 64, "batch": 16, "memory": 500}
+    config = config_of(
+        algorithm, scenario="random-goal", env_steps=256, num_envs=8, check_episodes=3, folder=str(tmp_path), **own
+    )
+    before = build(config).policy.state_dict()
+    training = train(config)
+    policy = load(training.model)
+    assert type(policy).__name__ == algorithm
+    assert any(not torch.equal(value, before[name]) for name, value in policy.policy.state_dict().items())
+    assert all(point["success_rate"] in (0, 1 / 3, 2 / 3, 1) for point in training.curve)
+    assert len(fly(policy, "random-goal", 2).steps) == 2
+
+
+def test_width_and_depth_are_those_of_the_configuration(small):
+    policy = build(replace(small, depth=3, value_width=32)).policy
+    assert [layer.out_features for layer in policy.mlp_extractor.policy_net[::2]] == [16, 16, 16]
+    assert [layer.out_features for layer in policy.mlp_extractor.value_net[::2]] == [32, 32, 32]
 
 
 def test_it_stops_by_the_clock(small):
@@ -43,50 +67,132 @@ def test_it_stops_by_the_clock(small):
 
 
 def test_it_stops_at_the_optimum(small, monkeypatch):
-    optimum = fewest_steps("horizontal-3", windings=(0,))
-    # `agents.train` is the function; its module is found by name.
-    module = sys.modules[train.__module__]
-    monkeypatch.setattr(module, "fly", lambda *_: fly(Tape(optimum.actions), "horizontal-3"))
-    training = train(replace(small, env_steps=10**9), optimum)
+    known = reference("horizontal-3")
+    monkeypatch.setattr("agents.schedules.fly", lambda *_: fly(Tape(known.actions), "horizontal-3"))
+    training = train(replace(small, env_steps=10**9), known.k_star)
     assert training.env_steps < 1024
-    assert training.curve[-1]["steps"] == optimum.steps
+    assert training.best["steps"] == known.k_star
+    assert training.best["success_rate"] == 1
 
 
 class Tape:
     def __init__(self, actions):
         self.actions, self.k = actions, -1
 
-    def predict(self, _, *, deterministic):
+    def predict(self, *_, **__):
         self.k += 1
-        return self.actions[self.k : self.k + 1], deterministic
+        return self.actions[self.k : self.k + 1], None
 
 
-def test_the_price_of_failure_is_fixed():
-    envs = GentleFailure(make_vec_env("horizontal-3", 4), 0.5)
-    envs.reset()
-    ended = []
-    for _ in range(250):
-        _, rewards, dones, infos = envs.step(np.tile(np.array([1.0, 0.05], np.float32), (4, 1)))
-        ended += [(info["outcome"], reward) for info, reward, done in zip(infos, rewards, dones, strict=True) if done]
-    assert {"out-of-bounds"} == {outcome for outcome, _ in ended}
-    assert {-0.5} == {float(reward) for _, reward in ended}
+def test_the_best_policy_is_kept_not_the_last(small, monkeypatch):
+    known, models = reference("horizontal-3"), []
+
+    def second_is_best(model, *_):
+        models.append({name: value.clone() for name, value in model.policy.state_dict().items()})
+        tape = Tape(known.actions if len(models) == 2 else np.zeros((250, 2), np.float32))
+        return fly(tape, "horizontal-3")
+
+    monkeypatch.setattr("agents.schedules.fly", second_is_best)
+    training = train(small)
+    assert training.best is training.curve[1]
+    kept = load(training.model).policy.state_dict()
+    assert all(torch.equal(value, models[1][name]) for name, value in kept.items())
+    assert not all(torch.equal(value, models[-1][name]) for name, value in kept.items())
 
 
-def test_the_tolerance_tightens_to_the_true_one(small):
-    model = build(small)
+def test_success_comes_before_speed_and_the_first_of_equals_is_best():
+    points = [{"success_rate": rate, "steps": steps} for rate, steps in ((0, 9), (0.5, 70), (1, 90), (1, 80), (1, 80))]
+    assert sorted(points, key=rank) == points
+    assert Progress(curve=points).best is points[3]
+    assert Progress(curve=points[:1]).best is None
+
+
+def test_stable_baselines3_logs_each_session_as_csv(small, tmp_path):
+    train(small)
+    with (tmp_path / "logs" / "from-0" / "progress.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["time/total_timesteps"]) for row in rows] == list(range(256, 2049, 256))
+
+
+def test_a_missing_tensorboard_is_named_before_anything_is_trained(small, monkeypatch):
+    monkeypatch.setattr("flatgym.extras.find_spec", lambda _: None)
+    with pytest.raises(ImportError, match=r"tensorboard not installed; run: pip install 'flatgym\[tensorboard\]'"):
+        train(replace(small, tensorboard=True))
+
+
+def test_the_curriculum_runs_with_the_steps(small):
+    model, seen = build(small), []
     envs = model.get_env()
-    seen = []
 
-    class Watch(Schedules):
-        def _on_rollout_end(self):
-            super()._on_rollout_end()
-            seen.append(envs.get_attr("scenario")[0].tolerance.position)
+    class Watch(PPOSchedules):
+        def change(self):
+            super().change()
+            seen.append((envs.get_attr("scenario")[0].tolerance.position, model.gamma, model.rollout_buffer.gamma))
 
-    model.learn(2048, callback=Watch(small, -np.inf))
-    assert seen == sorted(seen, reverse=True)
-    assert 0.2 < seen[0] < 0.3
-    assert seen[-1] == 0.1
+    module = sys.modules[train.__module__]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("agents.schedules.PACE", 256)
+        patch.setattr(module, "PPOSchedules", Watch)
+        patch.setattr(module, "build", lambda _: model)
+        train(small)
+    tolerance, discount, buffer = zip(*seen, strict=True)
+    assert list(tolerance) == sorted(tolerance, reverse=True)
+    assert list(discount) == sorted(discount)
+    assert discount == buffer
+    assert (tolerance[0], tolerance[-1]) == pytest.approx((0.3, 0.1))
+    assert (discount[0], discount[-1]) == pytest.approx((small.discount, small.discount_end))
     assert envs.get_attr("fleet")[0].share == pytest.approx(small.drawn_end)
+
+
+@pytest.fixture
+def clone(tmp_path):
+    """A policy to start from, of another shape than the configuration asks."""
+    return policies.save(build(replace(SMALL, width=24, depth=1, zoom=2.0, seed=5)), tmp_path / "clone.zip")
+
+
+def test_training_starts_from_a_policy_as_it_is(small, clone):
+    model = build(replace(small, policy=str(clone), log_std=-2.0))
+    start = load(clone).policy.state_dict()
+    for name, value in model.policy.state_dict().items():
+        assert torch.equal(value, torch.full((2,), -2.0) if name == "log_std" else start[name])
+
+
+@pytest.mark.parametrize(("warmup", "learns"), [(100, False), (3, True)])
+def test_at_first_only_the_critic_learns(small, clone, monkeypatch, warmup, learns):
+    config = replace(small, policy=str(clone), value_warmup=warmup)
+    before, models = load(clone).policy.state_dict(), []
+    monkeypatch.setattr(sys.modules[train.__module__], "build", _keep(build, models))
+    training = train(config)
+    after = models[0].policy.state_dict()
+    changed = {name for name, value in after.items() if not torch.equal(value, before[name]) and name != "log_std"}
+    assert {name for name in changed if "value" in name}
+    assert {name for name in changed if "value" not in name} == (set(_actor(before)) if learns else set())
+    assert training.curve[0]["env_steps"] == 0
+
+
+def _actor(parameters):
+    return [name for name in parameters if name.startswith(("mlp_extractor.policy_net", "action_net"))]
+
+
+def _keep(function, results):
+    def keeping(*arguments):
+        results.append(function(*arguments))
+        return results[-1]
+
+    return keeping
+
+
+def test_a_policy_that_cannot_be_started_from_is_named(small, clone):
+    with pytest.raises(ValueError, match=r"PPOConfig.policy must be a file or one of the pretrained .*'nowhere.zip'"):
+        build(replace(small, policy="nowhere.zip"))
+    with pytest.raises(ValueError, match=r"clone.zip is a policy of PPO, from which SAC cannot start"):
+        build(SACConfig(scenario="horizontal-3", num_envs=2, memory=10, policy=str(clone)))
+
+
+def test_a_pretrained_policy_is_started_from_by_name(small, clone, monkeypatch):
+    monkeypatch.setattr(policies, "PRETRAINED", clone.parent)
+    model = build(replace(small, policy="clone"))
+    assert torch.equal(model.policy.action_net.weight, load(clone).policy.action_net.weight)
 
 
 def test_an_untouched_run_has_no_curve(tmp_path):

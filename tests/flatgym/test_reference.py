@@ -10,10 +10,13 @@ import pytest
 from experiments.readme import published
 from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS
 from flatgym import reference as module
-from flatgym.reference import ghost_states, reference
+from flatgym.reference import EVALUATION_SEED, drawn_k_star, ghost_states, reference
 from flatgym.task import fly_actions
+from optimal import fewest_steps
 
 NAMES = list(SCENARIOS)
+DRAWN = {"random-goal": 1000, "random-hoops": 300}
+ONE_HOOP = EVALUATION_SEED + 13
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -85,5 +88,45 @@ def test_a_ghost_of_an_unknown_flight_names_the_way_out():
 def test_a_file_of_another_version_is_refused(tmp_path, monkeypatch):
     (tmp_path / module.FILE).write_text(json.dumps({"schema": 0, "references": []}))
     monkeypatch.setattr(module, "files", lambda _: tmp_path)
-    with pytest.raises(ValueError, match="has schema 0, this version reads 1"):
-        module._table.__wrapped__()
+    with pytest.raises(ValueError, match="has schema 0, this version reads 2"):
+        module._data.__wrapped__()
+
+
+@pytest.mark.parametrize(("name", "number"), DRAWN.items())
+def test_what_scores_are_flown_on_is_known(name, number):
+    known = drawn_k_star(name, EVALUATION_SEED + np.arange(number))
+    assert np.all(known.k_lower_bound <= known.k_star)
+    assert np.all(known.k_star <= DISTRIBUTIONS[name].max_steps)
+    assert np.array_equal(known.proven, known.k_lower_bound == known.k_star)
+    assert known.proven.mean() >= 0.9
+    assert np.all(known.k_star - known.k_lower_bound <= 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    [("random-goal", EVALUATION_SEED + 41), ("random-goal", EVALUATION_SEED + 998), ("random-hoops", ONE_HOOP)],
+)
+def test_k_star_of_drawn_scenarios_is_found_again(name, seed):
+    found = fewest_steps(DISTRIBUTIONS[name].scenario(seed), time_budget=0)
+    known = drawn_k_star(name, [seed])
+    assert known.k_star.tolist() == [found.steps]
+    assert known.k_lower_bound >= found.lower_bound
+
+
+def test_nothing_is_known_of_other_draws():
+    ends = EVALUATION_SEED + np.array([-1, 0, 999, 1000])
+    assert np.isnan(drawn_k_star("random-goal", ends).k_star).tolist() == [True, False, False, True]
+    assert drawn_k_star("random-goal", ends).proven[[0, 3]].tolist() == [False, False]
+    coarse = replace(DISTRIBUTIONS["random-goal"], dt=0.04)
+    for other in (coarse, SCENARIOS["hoop"]):
+        known = drawn_k_star(other, ends)
+        assert np.isnan(known).all()
+        assert not known.proven.any()
+
+
+@pytest.mark.parametrize("name", DISTRIBUTIONS)
+def test_draws_are_known_by_seed_in_any_order(name, generator):
+    seeds = EVALUATION_SEED + generator.integers(-20, 400, 100)
+    known = drawn_k_star(name, seeds)
+    for i in (0, 50, 99):
+        np.testing.assert_array_equal(np.transpose(known)[i], np.ravel(drawn_k_star(name, seeds[i : i + 1])))

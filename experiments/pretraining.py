@@ -1,0 +1,166 @@
+"""The policies that come with the package: how each was made, by one command.
+
+    python -m experiments.pretraining hoop climb --out agents/pretrained
+
+On a named scenario: the optimal flight, planned through hoops a little narrower than they are, so that a learner may
+err; DAgger under the regulator about it; then analytic policy gradients, until the learner flies in K* steps or time
+is up. Beside each policy lies a card with what made it: configuration, seed, command, versions, wall time, score.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import joblib
+import torch
+
+from agents import policies
+from agents.advice import regulated, replanned
+from agents.analytic import AnalyticConfig, follow
+from agents.evaluate import evaluate, versions
+from agents.experts import Expert
+from agents.imitation import DaggerConfig, Keeper, dagger, student
+from agents.schedules import Point
+from experiments.cli import progress_bar
+from experiments.files import SCHEMA, write_json
+from flatgym import DISTRIBUTIONS, SCENARIOS
+from flatgym.reference import reference
+from flatgym.scenario import Scenario
+from optimal.batch import fewest_steps_many
+from optimal.steps import FewestSteps, fewest_steps
+
+MARGINS = {"hoop": 0.08, "high-hoop": 0.06, "slalom": 0.03, "loop": 0.03}
+"""How much narrower than they are the hoops are planned through [m]; more would cost steps, where there is little."""
+GENERAL = DaggerConfig(width=160, zoom=6.0, batch=1024, updates=2500, rounds=7, seconds=1200.0, check_episodes=300)
+"""What a policy for a distribution is trained with."""
+FLIGHTS = {"random-goal": 2600, "random-hoops": 900}
+"""Optimal flights to begin with."""
+COUNTS = {"random-goal": 200, "random-hoops": 150}
+"""Flights of a round that the expert advises."""
+EPISODES = {"random-goal": 1000, "random-hoops": 300}
+"""Flights by which a policy for a distribution is scored, unseen, of known K*."""
+GENERAL_MARGIN = 0.1
+"""How much narrower than they are drawn hoops are planned through [m]."""
+STORE = Path("experiments/results/flights")
+"""Where optimal flights of drawn scenarios are kept."""
+SECONDS = 600.0
+"""Wall time granted to one policy, on one core [s]."""
+
+
+def narrowed(scenario: Scenario, by: float) -> Scenario:
+    """Return a scenario whose hoops are narrower by so much [m]."""
+    return replace(scenario, hoops=tuple(replace(hoop, diameter=hoop.diameter - by) for hoop in scenario.hoops))
+
+
+def teacher(scenario: Scenario) -> FewestSteps:
+    """Return the flight to learn: as the scenario's optimal one, but clear of the rims."""
+    known = reference(scenario)
+    assert known is not None
+    easier = narrowed(scenario, MARGINS.get(scenario.name, 0.0))
+    return replace(fewest_steps(easier, windings=(known.winding,), time_budget=0.0), scenario=scenario)
+
+
+def specialist(name: str, seed: int, out: Path, command: str) -> dict[str, Any]:
+    """Train a policy for one scenario, write it and its card, and return the card."""
+    torch.set_num_threads(1)
+    began, target = time.perf_counter(), SCENARIOS[name]
+    known = reference(target)
+    assert known is not None
+    configs = (
+        DaggerConfig(scenario=name, seed=seed, seconds=SECONDS / 3),
+        AnalyticConfig(scenario=name, seed=seed, seconds=SECONDS),
+    )
+    flight = teacher(target)
+    keeper = Keeper(configs[0], target=known.k_star)
+    model = dagger(student(configs[0]), regulated(Expert(flight), target, seed=seed), configs[0], keeper)
+    if not keeper.satisfied:
+        model = follow(model, [flight], configs[1], keeper)
+    wall_time = time.perf_counter() - began
+    policies.save(model, out / f"{name}.zip", name)
+    scores = evaluate(
+        model,
+        name,
+        1,
+        agent=name,
+        algorithm="DAgger, APG",
+        env_steps=keeper.env_steps,
+        wall_time_s=round(wall_time, 1),
+        command=command,
+    )
+    return card(out / f"{name}.json", seed, command, configs, keeper.curve, dict(scores.iloc[0]))
+
+
+def generalist(name: str, seed: int, out: Path, command: str, jobs: int = -1) -> dict[str, Any]:
+    """Train a policy for a distribution, write it and its card, and return the card."""
+    torch.set_num_threads(1)
+    began, distribution = time.perf_counter(), DISTRIBUTIONS[name]
+    config = replace(GENERAL, scenario=name, seed=seed)
+    drawn = [narrowed(distribution.scenario(i), GENERAL_MARGIN) for i in range(FLIGHTS[name])]
+    flights = fewest_steps_many(drawn, jobs=jobs, store=STORE)
+    planned = time.perf_counter()
+    keeper = Keeper(config)
+    model = dagger(student(config), replanned(flights, distribution, count=COUNTS[name], jobs=jobs), config, keeper)
+    scores = evaluate(
+        model,
+        name,
+        EPISODES[name],
+        agent=name,
+        algorithm="DAgger",
+        env_steps=keeper.env_steps,
+        wall_time_s=round(time.perf_counter() - began, 1),
+        command=command,
+    )
+    policies.save(model, out / f"{name}.zip", name)
+    extra = {"planning_s": round(planned - began, 1), "flights": len(flights)}
+    return card(out / f"{name}.json", seed, command, [config], keeper.curve, dict(scores.iloc[0])) | extra
+
+
+def card(
+    path: Path, seed: int, command: str, configs: Sequence[Any], curve: list[Point], score: dict[str, Any]
+) -> dict[str, Any]:
+    """Write and return what is to be known of a policy."""
+    words = {
+        "schema": SCHEMA,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "command": command,
+        "seed": seed,
+        "versions": versions(),
+        "configs": [{"kind": type(config).__name__} | asdict(config) for config in configs],
+        "curve": curve,
+        "score": score,
+    }
+    write_json(path, words)
+    return words
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Make the policies asked for: those of distributions one by one on all cores, the others side by side."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="+", choices=[*SCENARIOS, *DISTRIBUTIONS])
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=policies.PRETRAINED)
+    asked = parser.parse_args(arguments)
+
+    def told(name: str) -> tuple[str, int, Path, str]:
+        return name, asked.seed, asked.out, f"python -m experiments.pretraining {name} --seed {asked.seed}"
+
+    with progress_bar() as bar:
+        work = bar.add_task("policies", total=len(asked.names), note="")
+        general = (generalist(*told(name)) for name in asked.names if name in DISTRIBUTIONS)
+        calls = [joblib.delayed(specialist)(*told(name)) for name in asked.names if name in SCENARIOS]
+        special = joblib.Parallel(n_jobs=-1, return_as="generator_unordered")(calls)
+        for made in itertools.chain(general, special):
+            score = made["score"]
+            bar.update(work, note=f"{score['scenario']}: {score['steps']:.4g} steps, gap {score['gap']:.1%}")
+            bar.advance(work)
+
+
+if __name__ == "__main__":
+    main()
