@@ -15,7 +15,6 @@ action is at a limit, whatever lies beyond counts as equal to it: nothing is spe
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -27,10 +26,10 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
 from agents.configs import PPOConfig
-from agents.evaluate import Flights, fly
+from agents.evaluate import fly
 from agents.networks import act, actor_parameters
 from agents.recording import check
-from agents.schedules import Point, rank
+from agents.schedules import Point, outcome_of, rank
 from agents.train import build
 from flatgym import catalogue
 from flatgym.scenario import Scenario
@@ -174,17 +173,6 @@ def clone(shown: Shown, config: CloneConfig) -> PPO:
     model = student(config)
     fit(model, shown, config)
     return model
-
-
-def outcome_of(flights: Flights) -> Point:
-    """Return what a check says of flights: most frequent outcome, success rate, mean steps of those that succeeded."""
-    succeeded = np.array([word == "goal" for word in flights.outcomes])
-    steps = float(flights.steps[succeeded].mean() if succeeded.any() else flights.steps.mean())
-    return {
-        "outcome": Counter(flights.outcomes).most_common(1)[0][0],
-        "success_rate": float(succeeded.mean()),
-        "steps": int(steps) if steps.is_integer() else steps,
-    }
 
 
 class Keeper:

@@ -23,7 +23,7 @@ from stable_baselines3.common.utils import ConstantSchedule
 from agents import policies
 from agents.configs import Config, PPOConfig
 from agents.curriculum import curriculum
-from agents.evaluate import fly
+from agents.evaluate import Flights, fly
 from flatgym.reference import EVALUATION_SEED
 from flatgym.scenario import Scenario
 
@@ -39,6 +39,17 @@ Point = dict[str, Any]
 def rank(point: Point) -> tuple[float, float]:
     """Return how good a point of a learning curve is: by success first, by steps then; greater is better."""
     return point["success_rate"], -point["steps"]
+
+
+def outcome_of(flights: Flights) -> Point:
+    """Return what a check says of flights: most frequent outcome, success rate, mean steps of those that succeeded."""
+    succeeded = np.array([word == "goal" for word in flights.outcomes])
+    steps = float(flights.steps[succeeded].mean() if succeeded.any() else flights.steps.mean())
+    return {
+        "outcome": Counter(flights.outcomes).most_common(1)[0][0],
+        "success_rate": float(succeeded.mean()),
+        "steps": int(steps) if steps.is_integer() else steps,
+    }
 
 
 @dataclass
@@ -164,15 +175,7 @@ class Schedules(BaseCallback):
         problem = self.curriculum.problem
         episodes = 1 if isinstance(problem, Scenario) else self.config.check_episodes
         flights = fly(self.model, problem, episodes, CHECK_SEED)
-        succeeded = np.array([word == "goal" for word in flights.outcomes])
-        steps = float(flights.steps[succeeded].mean() if succeeded.any() else flights.steps.mean())
-        point = {
-            "env_steps": self.model.num_timesteps,
-            "wall_time_s": round(self.elapsed, 1),
-            "outcome": Counter(flights.outcomes).most_common(1)[0][0],
-            "success_rate": float(succeeded.mean()),
-            "steps": int(steps) if steps.is_integer() else steps,
-        }
+        point = {"env_steps": self.model.num_timesteps, "wall_time_s": round(self.elapsed, 1)} | outcome_of(flights)
         best = self.progress.best
         self.progress.curve.append(point)
         if self.progress.best is not best:

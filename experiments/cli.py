@@ -489,10 +489,10 @@ def main() -> None:
     try:
         app()
     except ValueError as error:
-        messages.print(f"[bold red]error:[/] {error}", highlight=False)
+        messages.print(f"[bold red]error:[/] {escape(str(error))}", highlight=False)
         sys.exit(2)
     except (optimal.SolveFailed, ImportError, OSError) as error:
-        messages.print(f"[bold red]failed:[/] {error}", highlight=False)
+        messages.print(f"[bold red]failed:[/] {escape(str(error))}", highlight=False)
         sys.exit(1)
 
 

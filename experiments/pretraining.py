@@ -29,7 +29,7 @@ from agents.experts import Expert
 from agents.imitation import DaggerConfig, Keeper, dagger, student
 from agents.schedules import Point
 from experiments.cli import progress_bar
-from experiments.files import SCHEMA, write_json
+from experiments.files import SCHEMA, plain, write_json
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.reference import reference
 from flatgym.scenario import Scenario
@@ -40,7 +40,7 @@ MARGINS = {"hoop": 0.08, "high-hoop": 0.06, "slalom": 0.03, "loop": 0.03}
 """How much narrower than they are the hoops are planned through [m]; more would cost steps, where there is little."""
 GENERAL = DaggerConfig(width=160, zoom=6.0, batch=1024, updates=2500, rounds=7, seconds=1200.0, check_episodes=300)
 """What a policy for a distribution is trained with."""
-FLIGHTS = {"random-goal": 2600, "random-hoops": 900}
+FLIGHTS = {"random-goal": 2600, "random-hoops": 600}
 """Optimal flights to begin with."""
 COUNTS = {"random-goal": 200, "random-hoops": 150}
 """Flights of a round that the expert advises."""
@@ -74,7 +74,7 @@ def specialist(name: str, seed: int, out: Path, command: str) -> dict[str, Any]:
     known = reference(target)
     assert known is not None
     configs = (
-        DaggerConfig(scenario=name, seed=seed, seconds=SECONDS / 3),
+        DaggerConfig(scenario=name, seed=seed, updates=1500, rounds=24, seconds=0.7 * SECONDS),
         AnalyticConfig(scenario=name, seed=seed, seconds=SECONDS),
     )
     flight = teacher(target)
@@ -118,14 +118,28 @@ def generalist(name: str, seed: int, out: Path, command: str, jobs: int = -1) ->
         command=command,
     )
     policies.save(model, out / f"{name}.zip", name)
-    extra = {"planning_s": round(planned - began, 1), "flights": len(flights)}
-    return card(out / f"{name}.json", seed, command, [config], keeper.curve, dict(scores.iloc[0])) | extra
+    return card(
+        out / f"{name}.json",
+        seed,
+        command,
+        [config],
+        keeper.curve,
+        dict(scores.iloc[0]),
+        planning_s=round(planned - began, 1),
+        flights=len(flights),
+    )
 
 
 def card(
-    path: Path, seed: int, command: str, configs: Sequence[Any], curve: list[Point], score: dict[str, Any]
+    path: Path,
+    seed: int,
+    command: str,
+    configs: Sequence[Any],
+    curve: list[Point],
+    score: dict[str, Any],
+    **further: Any,
 ) -> dict[str, Any]:
-    """Write and return what is to be known of a policy."""
+    """Write and return what is to be known of a policy, as it stands in the file."""
     words = {
         "schema": SCHEMA,
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -136,6 +150,7 @@ def card(
         "curve": curve,
         "score": score,
     }
+    words = plain(words | further)
     write_json(path, words)
     return words
 

@@ -12,7 +12,7 @@ from experiments import cli
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.reference import reference
 
-COMMANDS = ("list", "solve", "paper", "demos", "benchmark")
+COMMANDS = ("list", "solve", "paper", "demos", "train", "evaluate", "benchmark")
 
 
 def flatquad(monkeypatch, capsys, *arguments):
