@@ -70,7 +70,7 @@ def regulated(
             observations, _, _, _, infos = envs.step(actions)
             flying &= infos["outcome"] == OUTCOMES[0]
             flying &= expert.distance(infos["state"], infos["steps"]) < ASTRAY
-        return Shown(np.concatenate(seen), np.concatenate(told))
+        return Shown(np.concatenate(seen), np.concatenate(told), 0 if learner is None else sum(map(len, told)))
 
     return advise
 
@@ -111,16 +111,15 @@ def replanned(
     def advise(learner: PPO | None, number: int) -> Shown:
         if learner is None:
             flown = zip(scenarios, flights, strict=True)
-            shown = [seen_along(scenario, flight.states, flight.actions) for scenario, flight in flown]
-        else:
-            first = (number * count) % max(1, len(flights) - count)
-            found = fly(learner, distribution, min(count, len(flights)), first)
-            calls = [
-                joblib.delayed(one)(first + i, states, actions)
-                for i, (states, actions) in enumerate(zip(found.states, found.actions, strict=True))
-            ]
-            shown = [part for parts in joblib.Parallel(n_jobs=jobs)(calls) for part in parts]
-        return mirrored(joined(shown))
+            return mirrored(joined([seen_along(scenario, flight.states, flight.actions) for scenario, flight in flown]))
+        first = (number * count) % max(1, len(flights) - count)
+        found = fly(learner, distribution, min(count, len(flights)), first)
+        calls = [
+            joblib.delayed(one)(first + i, states, actions)
+            for i, (states, actions) in enumerate(zip(found.states, found.actions, strict=True))
+        ]
+        shown = [part for parts in joblib.Parallel(n_jobs=jobs)(calls) for part in parts]
+        return mirrored(joined(shown))._replace(flown=int(found.steps.sum()))
 
     return advise
 

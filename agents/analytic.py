@@ -21,6 +21,7 @@ import torch
 from stable_baselines3 import PPO
 
 from agents.advice import SCATTER
+from agents.configs import Count, NonNegative, Positive
 from agents.imitation import CloneConfig, Keeper
 from agents.networks import act, actor_parameters
 from flatgym.quadrotor import exact_step
@@ -41,17 +42,17 @@ CLIPPED = 1.0
 class AnalyticConfig(CloneConfig):
     """Everything it depends on, besides the flights."""
 
-    learning_rate: float = 1e-4
+    learning_rate: Positive = 1e-4
     """Learning rate at the beginning, falling to zero along a cosine; ten times as much loses what was learnt."""
-    batch: int = 16
+    batch: Count = 16
     """Flights of an update."""
-    updates: int = 600
+    updates: Count = 600
     """Gradient steps."""
-    scatter: float = 0.03
+    scatter: NonNegative = 0.03
     """How far the starts of three flights in four are scattered, as a factor on SCATTER."""
-    check_every: int = 20
+    check_every: Count = 20
     """Updates between two checks."""
-    seconds: float = 600.0
+    seconds: Positive = 600.0
     """Wall time, of the keeper's clock, after which it ends [s]."""
 
 

@@ -37,18 +37,30 @@ Factor: TypeAlias = float
 
 
 @dataclass(frozen=True)
-class Config:
-    """What all algorithms have in common.
+class Checked:
+    """A configuration whose fields are checked by their types.
 
     Raises:
         ValueError: naming the field, its value and what is allowed.
     """
 
+    scenario: str = "hoop"
+    """Name of the scenario or distribution."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = KINDS[str(field.type)](type(self).__name__, field.name, getattr(self, field.name))
+            object.__setattr__(self, field.name, value)
+        catalogue.problem(self.scenario)
+
+
+@dataclass(frozen=True)
+class Config(Checked):
+    """What all algorithms have in common."""
+
     algorithm: ClassVar[str] = ""
     """Name of the algorithm."""
 
-    scenario: str = "hoop"
-    """Name of the scenario or distribution."""
     seed: Seed = 0
     """Seed of starts, network and exploration."""
     seconds: Positive = 250.0
@@ -105,12 +117,6 @@ class Config:
     """Rollouts between two checkpoints; all flights begin anew then, with or without a resume."""
     tensorboard: bool = False
     """Whether to write TensorBoard's files too."""
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = KINDS[str(field.type)](type(self).__name__, field.name, getattr(self, field.name))
-            object.__setattr__(self, field.name, value)
-        catalogue.problem(self.scenario)
 
     def to_json(self) -> str:
         """Return the configuration as a JSON text that `from_json` reads."""

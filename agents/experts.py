@@ -9,7 +9,9 @@ x the deviation of the state from where the flight is at step k,
     u = u_k - K_k x,   K_k = (R + B' P B)^-1 B' P A,   P_k = Q + A' P A - A' P B K_k,
 
 A and B the derivatives of the exact step there, and P at the end such that a deviation as large as the tolerance
-costs 1. After its last step the expert hovers at the goal, with the regulator of that.
+costs 1. Who is late, as by a delay or too heavy a vehicle, is not to catch up what cannot be caught up: k is the
+nearest of the last steps, not the present one. After its last step the expert hovers at the goal, with the regulator
+of that.
 """
 
 from __future__ import annotations
@@ -28,11 +30,13 @@ from optimal.steps import FewestSteps
 
 PUSH = 1e-6
 """Half the difference of states and controls from which derivatives are taken."""
-EFFORT = 1.0
+EFFORT = 0.2
 """What a correction as large as half the control's range costs, where one of the state as large as the tolerance
 costs 1 at the end."""
 DRIFT = 0.002
 """What such a deviation costs at each step on the way."""
+LATE = 12
+"""Points of the flight, counted back from the present step, among which a vehicle that is late finds the nearest."""
 HELD = 10.0
 """Factor on the cost of correcting a control that stands at its limit: it can move one way only."""
 
@@ -52,6 +56,7 @@ class Expert:
         self.scenario = flight.scenario
         self.states, self.controls = in_steps(flight)
         self.gains = regulator(self.scenario, self.states, self.controls)
+        self._weights = np.diag(terminal_cost(self.scenario.tolerance))
 
     def predict(
         self,
@@ -67,19 +72,22 @@ class Expert:
 
     def action(self, state: Array, step: NDArray[np.int64]) -> NDArray[np.float32]:
         """Return actions (..., 2) for states (..., 5) after so many steps (...); whole turns do not matter."""
-        k = np.minimum(step, len(self.controls) - 1)
-        control = self.controls[k] - np.einsum("...ij,...j->...i", self.gains[k], self._off(state, k))
+        k, off = self._nearest(state, step)
+        control = self.controls[k] - np.einsum("...ij,...j->...i", self.gains[k], off)
         return np.clip(self.scenario.quadrotor.action(control), -1, 1).astype(np.float32)
 
     def distance(self, state: Array, step: NDArray[np.int64]) -> Array:
-        """Return how far states (..., 5) are from the flight after so many steps (...), in tolerances, shape (...)."""
-        off = self._off(state, np.minimum(step, len(self.controls) - 1))
-        return np.asarray(np.sqrt(np.square(off) @ np.diag(terminal_cost(self.scenario.tolerance))))
+        """Return how far states (..., 5) after so many steps (...) are from the flight, in tolerances, shape (...)."""
+        return np.asarray(np.sqrt(np.square(self._nearest(state, step)[1]) @ self._weights))
 
-    def _off(self, state: Array, k: NDArray[np.int64]) -> Array:
-        off = state - self.states[k]
+    def _nearest(self, state: Array, step: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
+        """Return which of the last LATE points of the flight is nearest, and how far from it the states are."""
+        last = np.minimum(step, len(self.controls) - 1)
+        points = np.maximum(last[..., None] - np.arange(LATE), 0)
+        off = state[..., None, :] - self.states[points]
         off[..., 4] -= 2 * np.pi * np.round(off[..., 4] / (2 * np.pi))
-        return off
+        best = np.argmin(np.square(off) @ self._weights, axis=-1)[..., None]
+        return np.take_along_axis(points, best, -1)[..., 0], np.take_along_axis(off, best[..., None], -2)[..., 0, :]
 
 
 class Tape:

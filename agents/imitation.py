@@ -25,7 +25,7 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
-from agents.configs import PPOConfig
+from agents.configs import Checked, Count, Natural, Positive, PPOConfig
 from agents.evaluate import fly
 from agents.networks import act, actor_parameters
 from agents.recording import check
@@ -37,28 +37,26 @@ from flatgym.task import OBSERVATION_NAMES
 
 
 @dataclass(frozen=True)
-class CloneConfig:
+class CloneConfig(Checked):
     """Everything a cloning depends on, besides what is shown."""
 
-    scenario: str = "hoop"
-    """Name of the scenario or distribution."""
-    seed: int = 0
+    seed: Natural = 0
     """Seed of network and batches."""
-    width: int = 96
+    width: Count = 96
     """Units of each hidden layer of the actor."""
-    depth: int = 3
+    depth: Count = 3
     """Hidden layers."""
-    zoom: float = 8.0
+    zoom: Positive = 8.0
     """Factor on all observations but the attitude, before the network: bang-bang controls switch within centimetres."""
-    learning_rate: float = 2e-3
+    learning_rate: Positive = 2e-3
     """Learning rate at the beginning, falling along a cosine."""
-    batch: int = 512
+    batch: Count = 512
     """Size of a minibatch."""
-    updates: int = 4000
+    updates: Count = 4000
     """Gradient steps."""
-    check_seed: int = 500_000
+    check_seed: Natural = 500_000
     """Seed of the flights by which policies are ranked; on a distribution neither those trained on nor those scored."""
-    check_episodes: int = 64
+    check_episodes: Count = 64
     """Their number on a distribution; on a scenario one tells all."""
 
 
@@ -66,19 +64,26 @@ class CloneConfig:
 class DaggerConfig(CloneConfig):
     """Everything DAgger depends on, besides the adviser."""
 
-    updates: int = 1000
+    updates: Count = 1000
     """Gradient steps of each round."""
-    rounds: int = 8
+    rounds: Count = 8
     """Rounds of flying, asking and fitting."""
-    seconds: float = 600.0
+    seconds: Positive = 600.0
     """Wall time after which no further round begins [s]."""
 
 
 class Shown(NamedTuple):
-    """What was shown: observations (n, 19) and the actions to take there (n, 2), float32."""
+    """What was shown.
+
+    Attributes:
+        observations: float32, shape (n, 19).
+        actions: what to do there, float32, shape (n, 2).
+        flown: environment steps that a learner flew for it.
+    """
 
     observations: NDArray[np.float32]
     actions: NDArray[np.float32]
+    flown: int = 0
 
 
 Adviser = Callable[[PPO | None, int], Shown]
@@ -101,7 +106,9 @@ def recorded(dataset: minari.MinariDataset, problem: str) -> Shown:
 
 def joined(parts: Sequence[Shown]) -> Shown:
     """Return all that was shown as one."""
-    return Shown(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    nothing = Shown(np.zeros((0, len(OBSERVATION_NAMES)), np.float32), np.zeros((0, 2), np.float32))
+    observations, actions, flown = zip(nothing, *parts, strict=True)
+    return Shown(np.concatenate(observations), np.concatenate(actions), sum(flown))
 
 
 def mirrored(shown: Shown) -> Shown:
@@ -235,5 +242,5 @@ def dagger(model: PPO, adviser: Adviser, config: DaggerConfig, keeper: Keeper) -
         if keeper.satisfied or keeper.elapsed > config.seconds or number == config.rounds:
             break
         shown.append(adviser(model, number))
-        keeper.env_steps += len(shown[-1].actions)
+        keeper.env_steps += shown[-1].flown
     return keeper.restore(model)

@@ -197,7 +197,11 @@ def planning(results: Row) -> str:
 
 def robustness(results: Row, found: Scores) -> str:
     """Return how strong the disturbances are, and under which of them feedback beats replay."""
-    strengths = "; ".join(f"{name}: {strength(active)}" for name, active in results["conditions"].items() if active)
+    strengths = "; ".join(
+        (f"{name}: " if len(active) > 1 else "") + strength(active)
+        for name, active in results["conditions"].items()
+        if active
+    )
     words = [
         "Success, and the gap of what succeeds to K* of the undisturbed vehicle. Drawn once a flight, the same for "
         f"all - {strengths}. The expert flies a K* flight planned through a narrower hoop, the one along the rim does "
@@ -251,7 +255,7 @@ def pretrained(folder: Path) -> str:
     head = ["policy", "made by", "success", "steps", "K*", "gap", "steps flown", "training [s]", "size [kB]"]
     rows = [[f"`{name}`", *carded(card), kilobytes(folder / f"{name}.zip")] for name, card in cards]
     commands = [f"- `{name}`: `{card['command']}`" for name, card in cards]
-    return "\n\n".join([markdown(head, rows), "Made by, with the seeds in their cards:", "\n".join(commands)])
+    return "\n\n".join([markdown(head, rows), "The commands that made them:", "\n".join(commands)])
 
 
 def carded(card: Row) -> list[str]:
@@ -333,7 +337,11 @@ def picture(results: Row) -> go.Figure:
     figure.update_traces(cliponaxis=False, col=2)
     figure.update_annotations(font_size=13)
     return layout(figure, "How near the optimum agents fly").update_layout(
-        width=1100, height=330 * len(problems), bargap=0.35, margin={"l": 160, "r": 50, "t": 90, "b": 50}
+        width=1100,
+        height=330 * len(problems),
+        bargap=0.35,
+        margin={"l": 160, "r": 50, "t": 110, "b": 50},
+        legend={"y": 1.05},
     )
 
 

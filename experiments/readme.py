@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from experiments import pictures
+from agents.policies import PRETRAINED
+from experiments import learner_table, pictures
 from experiments.env_table import environments
 from experiments.files import SCHEMA
 from experiments.tables import optima, paper, roads, scores
@@ -21,7 +23,7 @@ from optimal.export import write_text
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "experiments" / "results"
 PUBLISHED = RESULTS / "published"
-FILES = ("benchmark.json", "scores.csv", "paper.json", "solvers.json", "envs.json")
+FILES = ("benchmark.json", "scores.csv", "paper.json", "solvers.json", "envs.json", "demos.json", "learners.json")
 
 
 def published(name: str) -> Any:
@@ -42,7 +44,15 @@ def blocks() -> dict[str, str]:
         "optima": optima(published("solvers.json")),
         "roads": roads(published("solvers.json")),
         "environments": environments(published("envs.json")),
+        "learners": measured("learners.json", learner_table.learners),
+        "pretrained": learner_table.pretrained(PRETRAINED),
+        "demos": measured("demos.json", learner_table.demos),
     }
+
+
+def measured(name: str, told: Callable[[dict[str, Any]], str]) -> str:
+    """Return what is told of a results file, or that there is none yet: those of hours' work come last."""
+    return told(published(name)) if (PUBLISHED / name).exists() else "Not measured yet."
 
 
 def filled(text: str) -> str:
@@ -64,6 +74,8 @@ def main() -> None:
     path = ROOT / "README.md"
     write_text(path, filled(path.read_text(encoding="utf-8")))
     pictures.draw(PUBLISHED, published("benchmark.json"), published("paper.json"))
+    if (PUBLISHED / "learners.json").exists():
+        learner_table.draw(PUBLISHED, published("learners.json"))
 
 
 if __name__ == "__main__":

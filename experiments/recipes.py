@@ -25,7 +25,7 @@ from stable_baselines3 import PPO
 from agents.advice import regulated, replanned
 from agents.cascade import Cascade
 from agents.configs import Config, PPOConfig, SACConfig
-from agents.evaluate import Policy, fly
+from agents.evaluate import Policy
 from agents.experts import Expert, Tape
 from agents.imitation import Adviser, CloneConfig, DaggerConfig, Keeper, Shown, dagger, fit, student
 from agents.replanner import Replanner
@@ -67,20 +67,20 @@ class Sizes:
         replanned: flights of the expert that plans anew at every step, which takes seconds each.
     """
 
-    seconds: float = 250.0
-    tuning_s: float = 150.0
-    ppo_steps: int = 5_000_000
-    sac_steps: int = 140_000
-    tuning_steps: int = 1_500_000
+    seconds: float = 120.0
+    tuning_s: float = 60.0
+    ppo_steps: int = 3_000_000
+    sac_steps: int = 60_000
+    tuning_steps: int = 1_000_000
     shown: int = 64
     planned: int = 2_000
     updates: tuple[int, int] = (4_000, 6_000)
-    rounds: tuple[int, int] = (8, 5)
+    rounds: tuple[int, int] = (12, 5)
     round_updates: tuple[int, int] = (1_000, 2_500)
-    count: int = 120
+    count: int = 100
     every: int = 12
     ahead: int = 30
-    dagger_s: float = 400.0
+    dagger_s: float = 120.0
     check_episodes: int = 64
     goals: int = 1_000
     disturbed: int = 200
@@ -100,7 +100,7 @@ QUICK = Sizes(
     rounds=(2, 2),
     round_updates=(50, 50),
     count=2,
-    every=40,
+    every=15,
     ahead=10,
     dagger_s=4.0,
     check_episodes=2,
@@ -190,20 +190,18 @@ class Counted:
 
     Args:
         adviser: it.
-        flown: the steps a learner flew in a round, given it, the round's number and what was shown.
         copies: how often it shows the same, mirrored.
     """
 
-    def __init__(self, adviser: Adviser, flown: Callable[[PPO, int, Shown], int], copies: int = 1) -> None:
-        self.adviser, self.flown, self.copies = adviser, flown, copies
+    def __init__(self, adviser: Adviser, copies: int = 1) -> None:
+        self.adviser, self.copies = adviser, copies
         self.env_steps = self.expert_steps = 0
 
     def __call__(self, learner: PPO | None, number: int) -> Shown:
         """Return the advice of a round."""
         shown = self.adviser(learner, number)
         self.expert_steps += len(shown.actions) // self.copies
-        if learner is not None:
-            self.env_steps += self.flown(learner, number, shown)
+        self.env_steps += shown.flown
         return shown
 
     def note(self, point: Point) -> None:
@@ -260,15 +258,10 @@ def school(lesson: Lesson, flights: int) -> tuple[Counted, float]:
     if isinstance(target, Scenario):
         begun = time.perf_counter()
         adviser = regulated(Expert(clear_flight(target)), target, flights=flights, seed=lesson.seed)
-        return Counted(adviser, lambda _learner, _number, shown: len(shown.actions)), time.perf_counter() - begun
+        return Counted(adviser), time.perf_counter() - begun
     known, taken = plans(lesson, 0, sizes.planned)
     adviser = replanned(known, target, count=sizes.count, every=sizes.every, ahead=sizes.ahead, jobs=1)
-
-    def flown(learner: PPO, number: int, _shown: Shown) -> int:
-        first = (number * sizes.count) % max(1, len(known) - sizes.count)  # as the adviser has it
-        return int(fly(learner, target, min(sizes.count, len(known)), first).steps.sum())
-
-    return Counted(adviser, flown, copies=2), taken
+    return Counted(adviser, copies=2), taken
 
 
 def fitting(lesson: Lesson, updates: int) -> dict[str, Any]:

@@ -166,3 +166,9 @@ def test_replanned_advice_leads_to_the_goal_and_comes_in_mirrored_pairs():
     np.testing.assert_array_equal(advice.actions[:half, 0], advice.actions[half:, 0])
     np.testing.assert_array_equal(advice.actions[:half, 1], -advice.actions[half:, 1])
     assert len(joined([own, advice]).actions) == len(own.actions) + 2 * half
+
+
+@pytest.mark.parametrize(("field", "value"), [("updates", 0), ("zoom", -1.0), ("seed", 1.5), ("scenario", "nowhere")])
+def test_bad_fields_are_named(field, value):
+    with pytest.raises(ValueError, match=field if field != "scenario" else "nowhere"):
+        CloneConfig(**{field: value})

@@ -17,6 +17,7 @@ from flatgym.task import fly_actions
 @pytest.fixture
 def brief(monkeypatch, tmp_path):
     monkeypatch.setattr(pretraining, "SECONDS", 0.5)
+    monkeypatch.setattr(pretraining, "SPECIAL", DaggerConfig(width=16, depth=1, updates=20, rounds=2))
     monkeypatch.setattr(pretraining, "STORE", tmp_path / "flights")
     monkeypatch.setattr(pretraining, "FLIGHTS", {"random-goal": 4})
     monkeypatch.setattr(pretraining, "COUNTS", {"random-goal": 2})

@@ -1,0 +1,163 @@
+"""The study of the learners at small size: cells are made once, say what was flown, and one failure ends no other."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agents.evaluate import FasterThanOptimal, fly
+from agents.experts import Tape
+from agents.imitation import DaggerConfig, student
+from experiments import learners, recipes
+from experiments.files import write_json
+from experiments.learner_table import learners as table
+from experiments.learners import CONDITIONS, PROBLEMS, Cell, cells, main, run
+from experiments.pretraining import narrowed
+from experiments.recipes import CLEAR, EXPERTS, LEARNERS, ONLY_SCENARIOS, QUICK, Each, Lesson, clear_flight, plans
+from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS
+from flatgym.reference import EVALUATION_SEED, drawn_k_star, reference
+from flatgym.task import fly_actions
+
+TINY = replace(QUICK, planned=3, ppo_steps=100, tuning_steps=100, tuning_s=0.1, updates=(5, 5), shown=2, goals=3)
+ASKED = ("hoop/bc-ppo", "hoop/tape", "hoop/expert", "hoop/pd")
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """A small study that has run: the folder of its results, and what `main` returned."""
+    out = tmp_path_factory.mktemp("study") / "mine.json"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(learners, "QUICK", TINY)
+        code = main(["--quick", "--jobs", "1", "--seeds", "1", "--out", str(out), "--only", *ASKED])
+    assert code == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def lesson(tmp_path_factory):
+    """A lesson on random goals whose flights are planned in this process."""
+    folder = tmp_path_factory.mktemp("lesson")
+    for first, count in ((0, TINY.planned), (EVALUATION_SEED, TINY.disturbed)):
+        write_json(folder / f"planned-random-goal-{first}-{first + count}.json", {"planning_s": 1.5})
+    return Lesson("random-goal", 0, folder, TINY)
+
+
+def test_a_study_has_all_agents_on_all_problems():
+    found = cells(3)
+    assert len(set(found)) == len(found)
+    for problem in PROBLEMS:
+        for agent in LEARNERS:
+            assert [cell.seed for cell in found if (cell.problem, cell.agent) == (problem, agent)] == [0, 1, 2]
+    assert {cell.agent for cell in found if cell.problem == "hoop"} == {*LEARNERS, *EXPERTS}
+    assert not {cell.agent for cell in found if cell.problem == "random-goal"} & {*ONLY_SCENARIOS}
+
+
+def test_what_one_begins_with_comes_with_it():
+    assert [cell.agent for cell in cells(1, ["hoop/bc-ppo"])] == ["bc", "bc-ppo"]
+    assert cells(2, ["hoop", "random-goal"]) == cells(2)
+
+
+def test_unknown_cells_are_named(capsys):
+    with pytest.raises(ValueError, match=r"unknown cells hop/ppo; known: hoop, hoop/bc, hoop/bc-ppo"):
+        cells(1, ["hop/ppo"])
+    with pytest.raises(SystemExit, match="2"):
+        main(["--only", "hop/ppo"])
+    assert "unknown cells hop/ppo" in capsys.readouterr().err
+
+
+def test_every_cell_says_what_was_flown(study):
+    results = json.loads(study.read_text())
+    assert [cell["agent"] for cell in results["cells"]] == ["bc", "bc-ppo", "expert", "tape", "pd"]
+    assert results["quick"]
+    for cell in results["cells"]:
+        assert list(cell["flights"]) == list(CONDITIONS)
+        assert f"--only hoop/{cell['agent']}" in cell["command"]
+        for name, flown in cell["flights"].items():
+            assert len(flown["steps"]) == (1 if name == "calm" else TINY.disturbed)
+            assert flown["outcomes"].get("goal", 0) == sum(steps is not None for steps in flown["steps"])
+    calm = {cell["agent"]: cell["flights"]["calm"]["steps"] for cell in results["cells"]}
+    assert calm["expert"] == calm["tape"] == results["k_star"]["hoop"][:1]
+
+
+def test_what_one_begins_with_is_paid_for(study):
+    by_name = {cell["agent"]: cell for cell in json.loads(study.read_text())["cells"]}
+    first, then = by_name["bc"], by_name["bc-ppo"]
+    assert then["expert_steps"] == first["expert_steps"] > 0
+    assert then["wall_time_s"] >= first["wall_time_s"]
+    assert then["curve"][: len(first["curve"])] == first["curve"]
+    assert then["env_steps"] > first["env_steps"] == 0
+
+
+def test_the_tables_can_be_written_from_it(study):
+    assert "numbers mean nothing" in " ".join(table(json.loads(study.read_text())).split())
+
+
+def test_what_is_done_is_not_done_again(study, monkeypatch):
+    folder = study.with_suffix("")
+    before = {path: path.read_bytes() for path in folder.glob("hoop-*")}
+    monkeypatch.setattr(learners, "run", lambda *_: pytest.fail("a cell was made again"))
+    monkeypatch.setattr(learners, "QUICK", TINY)
+    assert main(["--quick", "--jobs", "1", "--seeds", "1", "--out", str(study), "--only", *ASKED]) == 0
+    assert {path: path.read_bytes() for path in folder.glob("hoop-*")} == before
+
+
+def test_a_failure_is_told_and_ends_no_other(tmp_path, monkeypatch, capsys):
+    def broken(_):
+        raise RuntimeError("no wind tunnel")
+
+    monkeypatch.setitem(EXPERTS, "expert", broken)
+    monkeypatch.setattr(learners, "QUICK", TINY)
+    out = tmp_path / "mine.json"
+    assert main(["--quick", "--jobs", "1", "--out", str(out), "--only", "hoop/expert", "hoop/pd"]) == 1
+    assert "hoop/expert/0: RuntimeError: no wind tunnel" in capsys.readouterr().out
+    assert [cell["agent"] for cell in json.loads(out.read_text())["cells"]] == ["pd"]
+
+
+def test_a_flight_faster_than_optimal_leaves_its_evidence(tmp_path, monkeypatch):
+    actions = np.zeros((3, 2), dtype=np.float32)
+
+    def fast(*_):
+        raise FasterThanOptimal(SCENARIOS["hoop"], 70, actions, np.zeros((4, 5)))
+
+    monkeypatch.setattr(learners, "flown", fast)
+    assert "was flown in 3 steps, fewer than K* = 70" in run(Cell("hoop", "pd", 0), tmp_path, TINY)
+    evidence = json.loads((tmp_path / "hoop-pd-0.faster.json").read_text())
+    assert (evidence["actions"], evidence["k_star"]) == (actions.tolist(), 70)
+    assert not (tmp_path / "hoop-pd-0.json").exists()
+
+
+def test_the_clear_flight_takes_no_step_more_and_clears_the_rim():
+    flight, known = clear_flight(SCENARIOS["hoop"]), reference("hoop")
+    assert flight.steps == known.k_star
+    for scenario in (SCENARIOS["hoop"], narrowed(SCENARIOS["hoop"], CLEAR)):
+        assert OUTCOMES[fly_actions(scenario, flight.actions)[-1].outcome[0]] == "goal"
+
+
+def test_each_flies_his_own_flight(lesson):
+    flights, seconds = plans(lesson, EVALUATION_SEED, TINY.disturbed)
+    assert seconds == 1.5
+    flown = fly(Each([Tape(flight) for flight in flights]), "random-goal", len(flights), EVALUATION_SEED)
+    k_star = drawn_k_star("random-goal", EVALUATION_SEED + np.arange(len(flights))).k_star
+    assert flown.outcomes == ("goal",) * len(flights)
+    assert flown.steps.tolist() == k_star.tolist()
+
+
+@pytest.mark.parametrize("problem", PROBLEMS)
+def test_steps_flown_and_shown_are_counted(lesson, problem):
+    taught = replace(lesson, problem=problem)
+    adviser, _ = recipes.school(taught, 2)
+    shown = adviser(None, 0)
+    if problem == "random-goal":
+        assert adviser.expert_steps == sum(flight.steps for flight in plans(taught, 0, TINY.planned)[0])
+        assert len(shown.actions) == 2 * adviser.expert_steps
+    else:
+        assert adviser.expert_steps == len(shown.actions)
+    assert adviser.env_steps == 0
+    learner = student(DaggerConfig(scenario=problem, width=8, depth=1))
+    before, advice = adviser.expert_steps, adviser(learner, 1)
+    if problem == "random-goal":
+        seed = TINY.count % (TINY.planned - TINY.count)
+        assert adviser.env_steps == fly(learner, DISTRIBUTIONS[problem], TINY.count, seed).steps.sum()
+    else:
+        assert adviser.env_steps == adviser.expert_steps - before == len(advice.actions)
