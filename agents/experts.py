@@ -30,13 +30,13 @@ from optimal.steps import FewestSteps
 
 PUSH = 1e-6
 """Half the difference of states and controls from which derivatives are taken."""
-EFFORT = 0.2
+EFFORT = 1.0
 """What a correction as large as half the control's range costs, where one of the state as large as the tolerance
 costs 1 at the end."""
 DRIFT = 0.002
 """What such a deviation costs at each step on the way."""
 LATE = 12
-"""Points of the flight, counted back from the present step, among which a vehicle that is late finds the nearest."""
+"""How many points of a flight back, as `Expert` has it, a vehicle may be late."""
 HELD = 10.0
 """Factor on the cost of correcting a control that stands at its limit: it can move one way only."""
 
@@ -47,13 +47,15 @@ class Expert:
     Args:
         flight: what `optimal.fewest_steps` or `optimal.solve` found; a flight in continuous time is flown in steps of
             dt by the means of its controls.
+        late: points of the flight, counted back from the present step, among which the nearest is looked for; with 1
+            a vehicle is to be where the flight is at this very step, as a learner of the flight in K* steps should.
 
     Raises:
         ValueError: for an answer without a flight.
     """
 
-    def __init__(self, flight: FewestSteps | Solution) -> None:
-        self.scenario = flight.scenario
+    def __init__(self, flight: FewestSteps | Solution, late: int = LATE) -> None:
+        self.late, self.scenario = late, flight.scenario
         self.states, self.controls = in_steps(flight)
         self.gains = regulator(self.scenario, self.states, self.controls)
         self._weights = np.diag(terminal_cost(self.scenario.tolerance))
@@ -81,9 +83,9 @@ class Expert:
         return np.asarray(np.sqrt(np.square(self._nearest(state, step)[1]) @ self._weights))
 
     def _nearest(self, state: Array, step: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
-        """Return which of the last LATE points of the flight is nearest, and how far from it the states are."""
+        """Return which of the last points of the flight is nearest, and how far from it the states are."""
         last = np.minimum(step, len(self.controls) - 1)
-        points = np.maximum(last[..., None] - np.arange(LATE), 0)
+        points = np.maximum(last[..., None] - np.arange(self.late), 0)
         off = state[..., None, :] - self.states[points]
         off[..., 4] -= 2 * np.pi * np.round(off[..., 4] / (2 * np.pi))
         best = np.argmin(np.square(off) @ self._weights, axis=-1)[..., None]

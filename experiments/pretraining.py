@@ -40,7 +40,7 @@ MARGINS = {"hoop": 0.3, "high-hoop": 0.08, "slalom": 0.03, "loop": 0.03}
 """How much narrower than they are the hoops are planned through [m]; more would cost steps, where there is little."""
 SPECIAL = DaggerConfig(updates=1500, rounds=24)
 """What a policy for one scenario is trained with."""
-GENERAL = DaggerConfig(width=160, zoom=6.0, batch=1024, updates=2500, rounds=7, seconds=1200.0, check_episodes=300)
+GENERAL = DaggerConfig(width=160, zoom=6.0, batch=1024, updates=2500, rounds=6, seconds=1200.0, check_episodes=300)
 """What a policy for a distribution is trained with."""
 FLIGHTS = {"random-goal": 2600, "random-hoops": 600}
 """Optimal flights to begin with."""
@@ -81,7 +81,7 @@ def specialist(name: str, seed: int, out: Path, command: str) -> dict[str, Any]:
     )
     flight = teacher(target)
     keeper = Keeper(configs[0], target=known.k_star)
-    model = dagger(student(configs[0]), regulated(Expert(flight), target, seed=seed), configs[0], keeper)
+    model = dagger(student(configs[0]), regulated(Expert(flight, late=1), target, seed=seed), configs[0], keeper)
     if not keeper.satisfied:
         model = follow(model, [flight], configs[1], keeper)
     wall_time = time.perf_counter() - began

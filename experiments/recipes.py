@@ -67,20 +67,20 @@ class Sizes:
         replanned: flights of the expert that plans anew at every step, which takes seconds each.
     """
 
-    seconds: float = 120.0
-    tuning_s: float = 60.0
-    ppo_steps: int = 3_000_000
-    sac_steps: int = 60_000
-    tuning_steps: int = 1_000_000
+    seconds: float = 100.0
+    tuning_s: float = 50.0
+    ppo_steps: int = 2_500_000
+    sac_steps: int = 50_000
+    tuning_steps: int = 800_000
     shown: int = 64
-    planned: int = 2_000
+    planned: int = 1_500
     updates: tuple[int, int] = (4_000, 6_000)
     rounds: tuple[int, int] = (12, 5)
     round_updates: tuple[int, int] = (1_000, 2_500)
     count: int = 100
     every: int = 12
     ahead: int = 30
-    dagger_s: float = 120.0
+    dagger_s: float = 100.0
     check_episodes: int = 64
     goals: int = 1_000
     disturbed: int = 200
@@ -257,7 +257,7 @@ def school(lesson: Lesson, flights: int) -> tuple[Counted, float]:
     sizes, target = lesson.sizes, lesson.target
     if isinstance(target, Scenario):
         begun = time.perf_counter()
-        adviser = regulated(Expert(clear_flight(target)), target, flights=flights, seed=lesson.seed)
+        adviser = regulated(Expert(clear_flight(target), late=1), target, flights=flights, seed=lesson.seed)
         return Counted(adviser), time.perf_counter() - begun
     known, taken = plans(lesson, 0, sizes.planned)
     adviser = replanned(known, target, count=sizes.count, every=sizes.every, ahead=sizes.ahead, jobs=1)
