@@ -82,6 +82,10 @@ class Expert:
         """Return how far states (..., 5) after so many steps (...) are from the flight, in tolerances, shape (...)."""
         return np.asarray(np.sqrt(np.square(self._nearest(state, step)[1]) @ self._weights))
 
+    def nearest(self, state: Array, step: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return which point (...) of the flight is nearest to states (..., 5) after so many steps (...)."""
+        return self._nearest(state, step)[0]
+
     def _nearest(self, state: Array, step: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
         """Return which of the last points of the flight is nearest, and how far from it the states are."""
         last = np.minimum(step, len(self.controls) - 1)

@@ -2,9 +2,11 @@
 
     python -m experiments.pretraining hoop climb --out agents/pretrained
 
-On a named scenario: the optimal flight, planned through hoops a little narrower than they are, so that a learner may
-err; DAgger under the regulator about it; then analytic policy gradients, until the learner flies in K* steps or time
-is up. Beside each policy lies a card with what made it: configuration, seed, command, versions, wall time, score.
+On a named scenario: the optimal flight, planned through hoops narrower than they are and clear of the floor, so that a
+learner may err; DAgger under the regulator about it; then analytic policy gradients, until the learner flies in K*
+steps or time is up. On a distribution: optimal flights of many drawn scenarios, and DAgger under the expert that plans
+anew, or, where there are hoops and planning takes longer, under the regulators about them. Beside each policy lies a
+card with what made it: configuration, seed, command, versions, wall time, score.
 """
 
 from __future__ import annotations
@@ -32,12 +34,14 @@ from experiments.cli import progress_bar
 from experiments.files import SCHEMA, plain, write_json
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.reference import reference
-from flatgym.scenario import Scenario
+from flatgym.scenario import Hoop, Scenario
 from optimal.batch import fewest_steps_many
 from optimal.steps import FewestSteps, fewest_steps
 
 MARGINS = {"hoop": 0.3, "high-hoop": 0.08, "slalom": 0.03, "loop": 0.03}
 """How much narrower than they are the hoops are planned through [m]; more would cost steps, where there is little."""
+GUIDES = {"ground-6": (Hoop(3.0, 0.6, 1.0),)}
+"""Gaps to plan through besides; this one, 10 cm above the floor, costs no step and keeps off it."""
 SPECIAL = DaggerConfig(updates=1500, rounds=24)
 """What a policy for one scenario is trained with."""
 GENERAL = DaggerConfig(width=160, zoom=6.0, batch=1024, updates=2500, rounds=6, seconds=1200.0, check_episodes=300)
@@ -66,6 +70,7 @@ def teacher(scenario: Scenario) -> FewestSteps:
     known = reference(scenario)
     assert known is not None
     easier = narrowed(scenario, MARGINS.get(scenario.name, 0.0))
+    easier = replace(easier, hoops=easier.hoops + GUIDES.get(scenario.name, ()))
     return replace(fewest_steps(easier, windings=(known.winding,), time_budget=0.0), scenario=scenario)
 
 
