@@ -36,7 +36,7 @@ class Continuation(NamedTuple):
 def continuations(
     flight: FewestSteps, states: Array, hoops_passed: NDArray[np.int64], every: int = 8
 ) -> Iterator[Continuation]:
-    """Yield the plans from every so many states of another flight of the same scenario, as far as they are found.
+    """Yield the plans from every so many states of another flight of the same scenario, until none is found.
 
     Args:
         flight: the scenario's own optimal flight, near which the first plan is looked for.
@@ -48,9 +48,10 @@ def continuations(
     for step in range(every, len(states), every):
         underway = Underway.of(flight.scenario, states[step], int(hoops_passed[step]))
         found = replan(underway, rest(plan, step - begun, flight.scenario), plan.winding)
-        if found is not None:
-            plan, begun = found, step
-            yield Continuation(step, int(hoops_passed[step]), found.states, found.actions)
+        if found is None:  # astray; further on it would be no nearer, and what fails takes longest
+            return
+        plan, begun = found, step
+        yield Continuation(step, int(hoops_passed[step]), found.states, found.actions)
 
 
 class Replanner:

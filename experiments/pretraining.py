@@ -115,6 +115,8 @@ def generalist(name: str, seed: int, out: Path, command: str, jobs: int = -1) ->
     planned = time.perf_counter()
     keeper = Keeper(config)
     model = dagger(student(config), replanned(flights, distribution, count=COUNTS[name], jobs=jobs), config, keeper)
+    wall_time = time.perf_counter() - began
+    policies.save(model, out / f"{name}.zip", name)
     scores = evaluate(
         model,
         name,
@@ -122,10 +124,9 @@ def generalist(name: str, seed: int, out: Path, command: str, jobs: int = -1) ->
         agent=name,
         algorithm="DAgger",
         env_steps=keeper.env_steps,
-        wall_time_s=round(time.perf_counter() - began, 1),
+        wall_time_s=round(wall_time, 1),
         command=command,
     )
-    policies.save(model, out / f"{name}.zip", name)
     return card(
         out / f"{name}.json",
         seed,

@@ -236,15 +236,18 @@ def crossing_steps(target: Scenario, flight: Trajectory, count: int) -> tuple[in
 
 
 def replay(target: Scenario, actions: NDArray[np.float32]) -> Array | None:
-    """Fly actions (K, 2) by the environment's own verbs; return the states up to the goal, None if it is missed."""
-    if target.hoops:
-        flown = task.fly_actions(target, actions)
-        return np.array([situation.state[0] for situation in flown]) if flown[-1].outcome[0] == GOAL else None
-    # Without hoops a step knows nothing of the others but its state: all are judged at once.
+    """Fly actions (K, 2) by the environment's own verbs; return the states up to the goal, None if it is missed.
+
+    All steps are judged at once. What each knows of those before is how many hoops are passed, and that is settled
+    after as many rounds as there are hoops, as the first hoop is passed whatever comes later, and so on.
+    """
     states, count = flown_states(target, actions), len(actions)
-    nothing = np.zeros(count, dtype=np.int64)
-    before = Situation(states[:-1], np.arange(count), nothing, nothing)
-    after = task.advance(Scene.of([target] * count), before, target.quadrotor.control(actions))
+    scene, controls, nothing = Scene.of([target] * count), target.quadrotor.control(actions), np.zeros(count, np.int64)
+    passed, settled = nothing, False
+    while not settled:
+        after = task.advance(scene, Situation(states[:-1], np.arange(count), passed, nothing), controls)
+        known = np.maximum.accumulate(np.append(0, after.hoops_passed[:-1]))
+        passed, settled = known, bool((known == passed).all())
     ends = np.flatnonzero(after.outcome != FLYING)
     if not ends.size or after.outcome[ends[0]] != GOAL:
         return None
