@@ -323,7 +323,7 @@ def picture(results: Row) -> go.Figure:
         for column in (1, 2):
             figure.update_yaxes(
                 categoryorder="array", categoryarray=[NAMES[agent] for agent in reversed(agents)],
-                showticklabels=column == 1, row=row, col=column,
+                showticklabels=column == 1, dtick=1, row=row, col=column,
             )  # fmt: skip
         figure.update_xaxes(range=[0, 1.04], tickformat=".0%", tickvals=[0, 0.5, 1], row=row, col=1)
         figure.update_xaxes(tickformat=".0%", rangemode="tozero", row=row, col=2)
@@ -338,10 +338,10 @@ def picture(results: Row) -> go.Figure:
     figure.update_annotations(font_size=13)
     return layout(figure, "How near the optimum agents fly").update_layout(
         width=1100,
-        height=330 * len(problems),
+        height=160 + 260 * len(problems),
         bargap=0.35,
         margin={"l": 160, "r": 50, "t": 110, "b": 50},
-        legend={"y": 1.05},
+        legend={"y": 1 + 30 / (260 * len(problems))},
     )
 
 
