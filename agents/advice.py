@@ -7,9 +7,7 @@ have flown from them is shown.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import joblib
@@ -18,20 +16,18 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
 from agents.evaluate import fly
-from agents.experts import Expert
+from agents.experts import Expert, tolerances
 from agents.imitation import Adviser, Shown, joined, mirrored
 from agents.replanner import continuations
 from flatgym import task
-from flatgym.arc import Arc
 from flatgym.distributions import Distribution
 from flatgym.quadrotor import Array
-from flatgym.scenario import Scenario
+from flatgym.scenario import Scenario, Tolerance
 from flatgym.scene import OUTCOMES, Integers, Scene, Situation
 from flatgym.vector import FlatQuadVectorEnv
-from optimal.certificate import hoop_crossings
-from optimal.steps import FewestSteps
+from optimal.steps import FewestSteps, judged
 
-SCATTER = np.array([0.1, 0.1, 0.2, 0.2, 0.1])
+SCATTER = tolerances(Tolerance())
 """Standard deviations by which starts are scattered, times `scatter` [m, m, m/s, m/s, rad]: the tolerance's."""
 ASTRAY = 30.0
 """How far from the expert's flight, in tolerances, a learner's flight is given up."""
@@ -75,45 +71,6 @@ def regulated(
     return advise
 
 
-def accompanied(
-    flights: Sequence[FewestSteps], distribution: Distribution, *, count: int = 300, late: int = 20
-) -> Adviser:
-    """Return the advice of regulators, each about the optimal flight of a drawn scenario; in a mirror too.
-
-    A hundred times cheaper than planning anew, and enough where the way is given, as by hoops. A learner that missed
-    a hoop its companion has passed, or that went astray, is advised no more.
-
-    Args:
-        flights: optimal flights of `distribution.scenario(i)`, i = 0, 1, ..., or of the same with narrower hoops.
-        distribution: from which they are drawn.
-        count: flights of a round.
-        late: how late a learner may be, as `Expert` has it.
-    """
-    scenarios = [distribution.scenario(i) for i in range(len(flights))]
-    experts = [Expert(flight, late) for flight in flights]
-    companions = [
-        hoops_along(scenario, flight.states, flight.actions)
-        for scenario, flight in zip(scenarios, flights, strict=True)
-    ]
-
-    def advise(learner: PPO | None, number: int) -> Shown:
-        if learner is None:
-            return own_flights(scenarios, flights)
-        first = (number * count) % max(1, len(flights) - count)
-        found = fly(learner, distribution, min(count, len(flights)), first)
-        shown = []
-        for i, (states, actions) in enumerate(zip(found.states, found.actions, strict=True), start=first):
-            steps = np.arange(len(actions))
-            nearest = np.minimum(experts[i].nearest(states[:-1], steps), len(companions[i]) - 1)
-            together = companions[i][nearest] <= hoops_along(scenarios[i], states, actions)[:-1]
-            kept = np.logical_and.accumulate(together & (experts[i].distance(states[:-1], steps) < ASTRAY))
-            seen = seen_along(scenarios[i], states, actions).observations[kept]
-            shown.append(Shown(seen, experts[i].action(states[:-1], steps)[kept]))
-        return mirrored(joined(shown))._replace(flown=int(found.steps.sum()))
-
-    return advise
-
-
 def replanned(
     flights: Sequence[FewestSteps],
     distribution: Distribution,
@@ -149,7 +106,8 @@ def replanned(
 
     def advise(learner: PPO | None, number: int) -> Shown:
         if learner is None:
-            return own_flights(scenarios, flights)
+            own = zip(scenarios, flights, strict=True)
+            return mirrored(joined([seen_along(scenario, flight.states, flight.actions) for scenario, flight in own]))
         first = (number * count) % max(1, len(flights) - count)
         found = fly(learner, distribution, min(count, len(flights)), first)
         calls = [
@@ -160,12 +118,6 @@ def replanned(
         return mirrored(joined(shown))._replace(flown=int(found.steps.sum()))
 
     return advise
-
-
-def own_flights(scenarios: Sequence[Scenario], flights: Sequence[FewestSteps]) -> Shown:
-    """Return what is seen and done on the experts' own flights, in a mirror too."""
-    pairs = zip(scenarios, flights, strict=True)
-    return mirrored(joined([seen_along(scenario, flight.states, flight.actions) for scenario, flight in pairs]))
 
 
 def seen_along(scenario: Scenario, states: Array, actions: NDArray[Any], step: int = 0, hoops_passed: int = 0) -> Shown:
@@ -179,13 +131,4 @@ def seen_along(scenario: Scenario, states: Array, actions: NDArray[Any], step: i
 
 def hoops_along(scenario: Scenario, states: Array, actions: NDArray[Any], passed: int = 0) -> Integers:
     """Return the hoops passed at states (K+1, 5) along a flight under actions (K, 2), `passed` of them before."""
-    counts = np.full(len(states), passed, dtype=np.int64)
-    left = scenario.hoops[passed:]
-    if left:
-        dt = np.full(len(actions), scenario.dt)
-        arcs = Arc(scenario.quadrotor, states[:-1], scenario.quadrotor.control(actions), dt)
-        for time, clearance in hoop_crossings(arcs, replace(scenario, hoops=left)):
-            if clearance < 0:
-                break
-            counts[math.floor(time / scenario.dt) + 1 :] += 1
-    return counts
+    return np.append(passed, judged(scenario, states, actions, passed).hoops_passed)

@@ -22,6 +22,7 @@ from stable_baselines3 import PPO
 
 from agents.advice import SCATTER
 from agents.configs import Count, NonNegative, Positive
+from agents.experts import tolerances
 from agents.imitation import CloneConfig, Keeper
 from agents.networks import act, actor_parameters
 from flatgym.quadrotor import exact_step
@@ -148,8 +149,7 @@ def deviation(model: PPO, course: Course, scene: Scene, start: Tensor) -> Tensor
         scene: whose vehicle, step and tolerance they share.
         start: where the learner starts, shape (n, 5).
     """
-    tolerance, quadrotor = scene.tolerance, scene.quadrotor
-    scale = torch.tensor([tolerance.position] * 2 + [tolerance.speed] * 2 + [tolerance.angle])
+    quadrotor, scale = scene.quadrotor, torch.as_tensor(tolerances(scene.tolerance), dtype=torch.float32)
     low, high = (
         torch.as_tensor(limit, dtype=torch.float32) for limit in (quadrotor.control_low, quadrotor.control_high)
     )

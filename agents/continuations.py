@@ -24,7 +24,7 @@ from flatgym.scene import FLYING, GOAL, Scene, Situation
 from optimal.batch import broken_off, unordered
 from optimal.replanning import Underway, replan, rest
 from optimal.solution import Status
-from optimal.steps import FewestSteps, fewest_steps
+from optimal.steps import FewestSteps, fewest_steps, judged
 from optimal.store import Store
 
 KICK = np.array([0.2, 0.2, 0.5, 0.5, 0.2])
@@ -137,10 +137,8 @@ def flies_to_goal(target: Scenario, state: Array, hoops_passed: int, actions: ND
 
 def _hoops_passed(flight: Demonstration) -> list[int]:
     """Return how many hoops a flight from rest has passed after each of its steps, from none on."""
-    if not flight.scenario.hoops:
-        return [0] * flight.steps
-    flown = task.fly_actions(flight.flight.scenario, flight.flight.actions)
-    return [int(situation.hoops_passed[0]) for situation in flown]
+    flown = flight.flight
+    return [0, *judged(flown.scenario, flown.states, flown.actions).hoops_passed.tolist()]
 
 
 def _continued(

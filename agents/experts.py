@@ -69,8 +69,7 @@ class Expert:
     ) -> tuple[NDArray[np.float32], Any]:
         """Return actions (..., 2) for observations (..., 19) of its own scenario, and the state it was given."""
         seen = relative_state(observation)
-        steps = np.rint(seen.time * self.scenario.max_steps).astype(np.int64)
-        return self.action(placed(seen, self.scenario), steps), state
+        return self.action(placed(seen, self.scenario), steps_flown(seen, self.scenario)), state
 
     def action(self, state: Array, step: NDArray[np.int64]) -> NDArray[np.float32]:
         """Return actions (..., 2) for states (..., 5) after so many steps (...); whole turns do not matter."""
@@ -81,10 +80,6 @@ class Expert:
     def distance(self, state: Array, step: NDArray[np.int64]) -> Array:
         """Return how far states (..., 5) after so many steps (...) are from the flight, in tolerances, shape (...)."""
         return np.asarray(np.sqrt(np.square(self._nearest(state, step)[1]) @ self._weights))
-
-    def nearest(self, state: Array, step: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return which point (...) of the flight is nearest to states (..., 5) after so many steps (...)."""
-        return self._nearest(state, step)[0]
 
     def _nearest(self, state: Array, step: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
         """Return which of the last points of the flight is nearest, and how far from it the states are."""
@@ -104,8 +99,7 @@ class Tape:
     """
 
     def __init__(self, flight: FewestSteps | Solution) -> None:
-        scenario = flight.scenario
-        self.max_steps, self.actions = scenario.max_steps, scenario.quadrotor.action(in_steps(flight)[1])
+        self.scenario, self.actions = flight.scenario, flight.scenario.quadrotor.action(in_steps(flight)[1])
 
     def predict(
         self,
@@ -115,13 +109,18 @@ class Tape:
         deterministic: bool = True,  # noqa: ARG002
     ) -> tuple[NDArray[np.float32], Any]:
         """Return the actions (..., 2) of the step that observations (..., 19) are of, and the state it was given."""
-        steps = np.rint(relative_state(observation).time * self.max_steps).astype(np.int64)
+        steps = steps_flown(relative_state(observation), self.scenario)
         return self.actions[np.minimum(steps, len(self.actions) - 1)].astype(np.float32), state
 
 
 def placed(seen: Seen, scenario: Scenario) -> Array:
     """Return the states (..., 5) that a scenario's observations tell of, the tilt in [-pi, pi]."""
     return np.concatenate([np.array(scenario.goal) - seen.goal, seen.velocity, seen.theta[..., None]], axis=-1)
+
+
+def steps_flown(seen: Seen, scenario: Scenario) -> NDArray[np.int64]:
+    """Return after how many steps (...) a scenario's observations were made."""
+    return np.rint(seen.time * scenario.max_steps).astype(np.int64)
 
 
 def in_steps(flight: FewestSteps | Solution) -> tuple[Array, Array]:
@@ -168,8 +167,12 @@ def gain(a: Array, b: Array, effort: Array, cost: Array) -> Array:
 
 def terminal_cost(tolerance: Tolerance) -> Array:
     """Return the cost of a deviation at the goal, 1 at each tolerance, shape (5, 5)."""
-    scales = [tolerance.position, tolerance.position, tolerance.speed, tolerance.speed, tolerance.angle]
-    return np.diag(1.0 / np.square(scales))
+    return np.diag(1.0 / np.square(tolerances(tolerance)))
+
+
+def tolerances(tolerance: Tolerance) -> Array:
+    """Return the tolerance of each component of a state, shape (5,)."""
+    return np.array([tolerance.position] * 2 + [tolerance.speed] * 2 + [tolerance.angle])
 
 
 def derivatives(quadrotor: Quadrotor, states: Array, controls: Array, dt: float) -> tuple[Array, Array]:

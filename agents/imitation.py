@@ -1,7 +1,7 @@
 """Imitation: a network learns what an expert does, from recorded flights and from its own.
 
-    clone(shown(minari.load_dataset("flatquad/hoop/optimal-v0")), CloneConfig(scenario="hoop"))
-    dagger(Advice(...), DaggerConfig(scenario="hoop"))
+    clone(recorded(minari.load_dataset("flatquad/hoop/optimal-v0"), "hoop"), CloneConfig(scenario="hoop"))
+    dagger(student(config), adviser, config, Keeper(config))    # advisers: `agents.advice`
 
 Behaviour cloning fits the actions of recorded flights (Pomerleau 1989). What it learns about is where the expert
 went; a small error leads elsewhere, where nobody showed what to do. DAgger (Ross, Gordon and Bagnell 2011) therefore

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.experts import Expert, placed
+from agents.experts import Expert, placed, steps_flown
 from agents.seen import Seen, relative_state
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
@@ -87,7 +87,7 @@ class Replanner:
         if len(seen.time) != 1:
             raise ValueError(f"a Replanner flies one vehicle, got observations of {len(seen.time)}; make one for each")
         target = self.flight.scenario
-        step = round(float(seen.time[0]) * target.max_steps)
+        step = int(steps_flown(seen, target)[0])
         if step == 0:
             self._start()
         here = placed(seen, target)[0]

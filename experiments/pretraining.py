@@ -5,8 +5,7 @@
 On a named scenario: the optimal flight, planned through hoops narrower than they are and clear of the floor, so that a
 learner may err; DAgger under the regulator about it; then analytic policy gradients, until the learner flies in K*
 steps or time is up. On a distribution: optimal flights of many drawn scenarios, and DAgger under the expert that plans
-anew, or, where there are hoops and planning takes longer, under the regulators about them. Beside each policy lies a
-card with what made it: configuration, seed, command, versions, wall time, score.
+anew. Beside each policy lies a card with what made it: configuration, seed, command, versions, wall time, score.
 """
 
 from __future__ import annotations

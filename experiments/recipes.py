@@ -304,28 +304,23 @@ def best_known(lesson: Lesson) -> int:
 
 def ppo(lesson: Lesson) -> Made:
     """PPO by its default recipe."""
-    sizes = lesson.sizes
-    config = PPOConfig(
-        scenario=lesson.problem,
-        seed=lesson.seed,
-        seconds=sizes.seconds,
-        env_steps=sizes.ppo_steps,
-        folder=str(lesson.file("ppo", "")),
-        check_episodes=sizes.check_episodes,
-    )
-    return trained(lesson, config)
+    return reinforced(lesson, PPOConfig, lesson.sizes.ppo_steps)
 
 
 def sac(lesson: Lesson) -> Made:
     """SAC by its default recipe."""
-    sizes = lesson.sizes
-    config = SACConfig(
+    return reinforced(lesson, SACConfig, lesson.sizes.sac_steps)
+
+
+def reinforced(lesson: Lesson, kind: type[Config], env_steps: int) -> Made:
+    """Train by an algorithm's default recipe, over so many environment steps."""
+    config = kind(
         scenario=lesson.problem,
         seed=lesson.seed,
-        seconds=sizes.seconds,
-        env_steps=sizes.sac_steps,
-        folder=str(lesson.file("sac", "")),
-        check_episodes=sizes.check_episodes,
+        seconds=lesson.sizes.seconds,
+        env_steps=env_steps,
+        folder=str(lesson.file(kind.algorithm.lower(), "")),
+        check_episodes=lesson.sizes.check_episodes,
     )
     return trained(lesson, config)
 

@@ -236,22 +236,29 @@ def crossing_steps(target: Scenario, flight: Trajectory, count: int) -> tuple[in
 
 
 def replay(target: Scenario, actions: NDArray[np.float32]) -> Array | None:
-    """Fly actions (K, 2) by the environment's own verbs; return the states up to the goal, None if it is missed.
-
-    All steps are judged at once. What each knows of those before is how many hoops are passed, and that is settled
-    after as many rounds as there are hoops, as the first hoop is passed whatever comes later, and so on.
-    """
-    states, count = flown_states(target, actions), len(actions)
-    scene, controls, nothing = Scene.of([target] * count), target.quadrotor.control(actions), np.zeros(count, np.int64)
-    passed, settled = nothing, False
-    while not settled:
-        after = task.advance(scene, Situation(states[:-1], np.arange(count), passed, nothing), controls)
-        known = np.maximum.accumulate(np.append(0, after.hoops_passed[:-1]))
-        passed, settled = known, bool((known == passed).all())
+    """Fly actions (K, 2) by the environment's own verbs; return the states up to the goal, None if it is missed."""
+    states = flown_states(target, actions)
+    after = judged(target, states, actions)
     ends = np.flatnonzero(after.outcome != FLYING)
     if not ends.size or after.outcome[ends[0]] != GOAL:
         return None
     return states[: ends[0] + 2]
+
+
+def judged(target: Scenario, states: Array, actions: NDArray[np.float32], hoops_passed: int = 0) -> Situation:
+    """Return how a flight along states (K+1, 5) under actions (K, 2) stands after each of its K steps.
+
+    All steps are judged at once. What each knows of those before is how many hoops are passed, and that is settled
+    after as many rounds as there are hoops, as the first hoop is passed whatever comes later, and so on.
+    """
+    count = len(actions)
+    scene, controls, nothing = Scene.of([target] * count), target.quadrotor.control(actions), np.zeros(count, np.int64)
+    passed, settled = nothing + hoops_passed, False
+    while not settled:
+        after = task.advance(scene, Situation(states[:-1], np.arange(count), passed, nothing), controls)
+        known = np.maximum.accumulate(np.append(hoops_passed, after.hoops_passed[:-1]))
+        passed, settled = known, bool((known == passed).all())
+    return after
 
 
 def flown_states(target: Scenario, actions: NDArray[np.float32]) -> Array:

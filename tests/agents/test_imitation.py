@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from agents import demonstrations, policies
-from agents.advice import accompanied, hoops_along, regulated, replanned, seen_along
+from agents.advice import hoops_along, regulated, replanned, seen_along
 from agents.configs import PPOConfig
 from agents.evaluate import fly
 from agents.experts import Expert
@@ -172,21 +172,3 @@ def test_replanned_advice_leads_to_the_goal_and_comes_in_mirrored_pairs():
 def test_bad_fields_are_named(field, value):
     with pytest.raises(ValueError, match=field if field != "scenario" else "nowhere"):
         CloneConfig(**{field: value})
-
-
-def test_companions_advise_until_the_learner_misses_a_hoop():
-    distribution = DISTRIBUTIONS["random-hoops"]
-    flights = fewest_steps_many([distribution.scenario(i) for i in range(2)], jobs=1, progress=False)
-    adviser = accompanied(flights, distribution, count=2)
-    own = adviser(None, 0)
-    assert len(own.actions) == 2 * sum(flight.steps for flight in flights)
-    falling = student(CloneConfig(scenario="random-hoops", width=8, depth=1))
-    torch.nn.init.zeros_(falling.policy.action_net.weight)
-    torch.nn.init.constant_(falling.policy.action_net.bias, -1.0)
-    advice = adviser(falling, 1)
-    half = len(advice.actions) // 2
-    assert 2 <= half < advice.flown  # it falls, and soon is too far away
-    # Where both stand at the start, what is advised is how the optimal flight begins.
-    first = [np.flatnonzero(advice.observations[:half, -1] == 0)[i] for i in range(2)]
-    for flight, row in zip(flights, first, strict=True):
-        np.testing.assert_allclose(advice.actions[row], flight.actions[0], atol=1e-5)
