@@ -6,6 +6,7 @@ from flatgym.catalogue import SCENARIOS, scenario
 from flatgym.distributions import DISTRIBUTIONS, Distribution
 from flatgym.disturbances import Disturbances
 from flatgym.quadrotor import Quadrotor
+from flatgym.reference import Reference, reference
 from flatgym.scenario import Hoop, Scenario, Tolerance
 from flatgym.scene import OUTCOMES
 from flatgym.task import OBSERVATION_NAMES, observation_names
@@ -19,9 +20,11 @@ __all__ = [
     "Disturbances",
     "Hoop",
     "Quadrotor",
+    "Reference",
     "Scenario",
     "Tolerance",
     "observation_names",
+    "reference",
     "scenario",
 ]
 __version__ = "0.1.0"

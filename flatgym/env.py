@@ -14,8 +14,9 @@ from flatgym import catalogue
 from flatgym.catalogue import DEFAULT_SCENARIO, ProblemLike
 from flatgym.course import Course, Starts
 from flatgym.disturbances import Disturbances
-from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, Fleet, not_finite
+from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, Fleet, Seeds, not_finite
 from flatgym.quadrotor import Array
+from flatgym.reference import k_star_of
 from flatgym.rendering.film import Film
 from flatgym.resetting import begin, check_options, check_seed
 from flatgym.scenario import Scenario
@@ -117,7 +118,9 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     ## Info
     The same keys at every step: `state`, `time` [s], `steps`, `hoops_passed`, `is_success`, `outcome`
-    (one of `flatgym.OUTCOMES`; "flying" until the end).
+    (one of `flatgym.OUTCOMES`; "flying" until the end), and `k_star`: the fewest steps in which a flight of the present
+    episode is known, NaN where none is, as in an episode that begins elsewhere than at the start. So at the goal
+    `info["steps"] / info["k_star"] - 1` is the gap. It is that of the undisturbed vehicle.
 
     ## Arguments
     | argument | default | meaning |
@@ -166,6 +169,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.observation_space = observation_space(observation)
         self.action_space = action_space()
         self._outcome: int | None = None
+        self._k_star = math.nan
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a copy: its action is part of its own fleet's."""
@@ -188,7 +192,9 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         if seed is None and self._outcome is None:
             seed = int(self.np_random.integers(2**63))
         seeds = None if seed is None else np.array([seed], dtype=np.uint64)
-        observation, record = begin(self.fleet, ALL, seeds, check_options(options))
+        options = check_options(options)
+        observation, record = begin(self.fleet, ALL, seeds, options)
+        self._k_star = math.nan if options else self._known(seeds)
         self._outcome, info = FLYING, self._info(record.numbers[:, 0].tolist())
         if self.render_mode is not None:  # to build a drawn scenario takes longer than to begin flying it
             self.film.begin(self.scenario, info)
@@ -219,6 +225,13 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         """Close the window, if there is one."""
         self.film.close()
 
+    def _known(self, seeds: Seeds | None) -> float:
+        """Return K* of the episode that begins: the first of new seeds (1,), or the next of the old."""
+        problem, starts = self.fleet.course.problem, self.fleet.course.starts
+        if starts is not None or (seeds is None and not isinstance(problem, Scenario)):
+            return math.nan
+        return float(k_star_of(problem, self.fleet.seeds)[0])
+
     def _info(self, row: list[float]) -> dict[str, Any]:
         outcome = int(row[OUTCOME])
         return {
@@ -228,4 +241,5 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
             "hoops_passed": int(row[HOOPS_PASSED]),
             "is_success": outcome == GOAL,
             "outcome": OUTCOMES[outcome],
+            "k_star": self._k_star,
         }

@@ -133,12 +133,26 @@ def drawn_k_star(problem: ProblemLike, seeds: ArrayLike) -> Drawn:
     """
     found, seeds = catalogue.problem(problem), np.asarray(seeds)
     known = np.full((2, len(seeds)), np.nan)
-    row = _data()["draws"].get(found.name)
-    if row is not None and DISTRIBUTIONS.get(found.name) == found:
-        index = seeds - row["first_seed"]
-        there = (index >= 0) & (index < len(row["k_star"]))
-        known[:, there] = np.array([row["k_star"], row["k_lower_bound"]])[:, index[there]]
+    if found.name in _data()["draws"] and DISTRIBUTIONS.get(found.name) == found:
+        first, rows = _draws(found.name)
+        index = seeds.astype(np.int64) - first
+        there = (index >= 0) & (index < rows.shape[1])
+        known[:, there] = rows[:, index[there]]
     return Drawn(*known)
+
+
+def k_star_of(problem: ProblemLike, seeds: ArrayLike) -> Array:
+    """Return K* of the first episodes of n seeds, shape (n,); NaN where none is known.
+
+    Args:
+        problem: a scenario or distribution, or its name.
+        seeds: whole numbers, shape (n,); of a scenario all have the same.
+    """
+    found, seeds = catalogue.problem(problem), np.asarray(seeds)
+    if not isinstance(found, Scenario):
+        return drawn_k_star(found, seeds).k_star
+    known = reference(found)
+    return np.full(len(seeds), known.k_star if known else np.nan)
 
 
 @lru_cache
@@ -150,6 +164,13 @@ def _flown(name: str) -> Array:
     flown = np.array(states)
     flown.setflags(write=False)
     return flown
+
+
+@lru_cache
+def _draws(name: str) -> tuple[int, Array]:
+    """Return the first seed of a distribution's known draws, and their K* and its lower bound, shape (2, n)."""
+    row = _data()["draws"][name]
+    return row["first_seed"], np.array([row["k_star"], row["k_lower_bound"]], dtype=np.float64)
 
 
 @lru_cache

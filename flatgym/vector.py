@@ -24,12 +24,14 @@ from flatgym.course import Course, Starts
 from flatgym.disturbances import Disturbances
 from flatgym.env import action_space, fleet_of, observation_space, take_actions
 from flatgym.fleet import OUTCOME, REWARD, TIME, Flown, Mask, Record, Seeds
+from flatgym.quadrotor import Array
+from flatgym.reference import k_star_of
 from flatgym.resetting import OPTIONS, begin, check_options, check_seed
-from flatgym.scenario import Tolerance
+from flatgym.scenario import Scenario, Tolerance
 from flatgym.validation import numbers
 from flatgym.words import Words
 
-INFO_KEYS = ("state", "time", "steps", "hoops_passed", "is_success", "outcome")
+INFO_KEYS = ("state", "time", "steps", "hoops_passed", "is_success", "outcome", "k_star")
 _NOBODY = np.zeros(0, dtype=np.intp)
 
 
@@ -86,6 +88,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         self._words = Words(num_envs)
         self._begun = False
         self._ended: Mask = np.zeros(num_envs, dtype=bool)
+        self._k_star = np.full(num_envs, np.nan)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a copy: the mask of all stays read-only."""
@@ -105,6 +108,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
     def set_tolerance(self, tolerance: Tolerance) -> None:
         """Let something else count as arrived from the next step on, as a curriculum may want it."""
         self.fleet.set_tolerance(tolerance)
+        self._k_star = np.full(self.num_envs, np.nan)  # known for the tolerance of before
 
     def set_share(self, share: float) -> None:
         """Let another share of the episodes begin in the pool of starts."""
@@ -126,8 +130,11 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         if not (self._begun or mask.all()):
             raise gym.error.ResetNeeded("the first reset() must start all flights, without a reset_mask")
         super().reset(seed=None if seed is None or isinstance(seed, Sequence) else check_seed(seed))
-        observation, record = begin(self.fleet, mask, self._seeds(seed), options)
+        seeds = self._seeds(seed)
+        observation, record = begin(self.fleet, mask, seeds, options)
         self._begun, self._ended = True, self._ended & ~mask
+        known = np.full(self.num_envs, np.nan) if options else self._known(first=seeds is not None)
+        self._k_star = np.where(mask, known, self._k_star)
         return observation, self._infos(record, self._all, np.flatnonzero(record.numbers[OUTCOME]))
 
     def step(
@@ -143,14 +150,24 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             )
         flown = self.fleet.step()
         terminated, truncated, _ = flown.record.flags
+        before, begun = self._k_star, flown.record.counts[0] == 0
+        if begun.any():
+            self._k_star = np.where(begun, self._known(first=False), before)
         infos = self._infos(flown.record, self._all, _NOBODY if flown.final is not None else flown.ended)
         if self.autoreset_mode == AutoresetMode.DISABLED:
             self._ended = terminated | truncated
         elif flown.final is not None:
-            infos |= self._final(flown, terminated | truncated)
+            infos |= self._final(flown, terminated | truncated, before)
         return flown.observation, flown.record.numbers[REWARD], terminated, truncated, infos
 
-    def _final(self, flown: Flown, mask: Mask) -> dict[str, Any]:
+    def _known(self, first: bool) -> Array:
+        """Return K* of the episodes that begin now, shape (n,): the first of their seeds, or later ones."""
+        problem = self.course.problem
+        if self.course.starts is not None or not (first or isinstance(problem, Scenario)):
+            return np.full(self.num_envs, np.nan)
+        return k_star_of(problem, self.fleet.seeds)
+
+    def _final(self, flown: Flown, mask: Mask, k_star: Array) -> dict[str, Any]:
         assert flown.final is not None
         assert flown.final_observation is not None
         observations = np.full(self.num_envs, None, dtype=object)
@@ -159,7 +176,8 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         return {
             "final_obs": observations,
             "_final_obs": mask,
-            "final_info": self._infos(Record.of(np.where(mask, flown.final, 0.0)), mask, flown.ended),
+            "final_info": self._infos(Record.of(np.where(mask, flown.final, 0.0)), mask, flown.ended)
+            | {"k_star": np.where(mask, k_star, 0.0)},
             "_final_info": mask,
         }
 
@@ -172,6 +190,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             "hoops_passed": record.counts[1],
             "is_success": record.flags[2],
             "outcome": self._words.of(rows, record.numbers[OUTCOME][rows]),
+            "k_star": self._k_star.copy(),
         }
         return infos | (self._masks if mask is self._all else {f"_{key}": mask for key in infos})
 

@@ -1,5 +1,6 @@
 """What is known of the named scenarios: the flights replay, the numbers are the published ones."""
 
+import importlib
 import json
 from dataclasses import replace
 
@@ -9,10 +10,11 @@ import pytest
 
 from experiments.readme import published
 from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS
-from flatgym import reference as module
 from flatgym.reference import EVALUATION_SEED, drawn_k_star, ghost_states, reference
 from flatgym.task import fly_actions
 from optimal import fewest_steps
+
+module = importlib.import_module("flatgym.reference")  # the package gives the function that name
 
 NAMES = list(SCENARIOS)
 DRAWN = {"random-goal": 1000, "random-hoops": 300}

@@ -8,6 +8,8 @@ from gymnasium.vector import AutoresetMode
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.course import Starts
 from flatgym.env import FlatQuadEnv
+from flatgym.reference import EVALUATION_SEED, drawn_k_star, reference
+from flatgym.scenario import Tolerance
 from flatgym.vector import FlatQuadVectorEnv
 
 N = 6
@@ -59,7 +61,7 @@ def test_batched_equals_scalar_over_a_hundred_thousand_steps(name, generator):
             ends += 1
             final = {key: values[i] for key, values in infos["final_info"].items() if key[0] != "_"}
             np.testing.assert_array_equal(final.pop("state"), flown[i][4].pop("state"))
-            assert final == flown[i][4]
+            np.testing.assert_equal(final, flown[i][4])
             np.testing.assert_array_equal(infos["final_obs"][i], flown[i][0])
             expected[i], info = singles[i].reset()
             np.testing.assert_array_equal(infos["state"][i], info["state"])
@@ -124,6 +126,36 @@ def test_max_episode_steps_truncates():
     envs.reset()
     flags = [envs.step(np.zeros((2, 2), np.float32))[3].tolist() for _ in range(3)]
     assert flags == [[False, False], [False, False], [True, True]]
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_k_star_is_that_of_the_episode_and_unknown_where_the_episode_is_another(mode):
+    goal, known = DISTRIBUTIONS["random-goal"], drawn_k_star("random-goal", EVALUATION_SEED + np.arange(2)).k_star
+    envs = FlatQuadVectorEnv(2, scenario=goal, autoreset_mode=mode, max_episode_steps=1)
+    told = [envs.reset(seed=EVALUATION_SEED)[1], *(envs.step(np.zeros((2, 2)))[4] for _ in range(1))]
+    assert np.array_equal(told[0]["k_star"], known)
+    later = told[1]["final_info"] if mode == AutoresetMode.SAME_STEP else told[1]
+    assert np.array_equal(later["k_star"], known)
+    again = told[1] if mode == AutoresetMode.SAME_STEP else None
+    if mode == AutoresetMode.NEXT_STEP:
+        again = envs.step(np.zeros((2, 2)))[4]
+    if mode == AutoresetMode.DISABLED:
+        again = envs.reset()[1]
+    assert np.isnan(again["k_star"]).all()
+
+
+def test_k_star_of_a_named_scenario_lasts_until_the_task_is_another():
+    envs = FlatQuadVectorEnv(3, scenario="hoop", autoreset_mode="SameStep", max_episode_steps=1)
+    k_star = reference("hoop").k_star
+    for told in (envs.reset(seed=0)[1], envs.step(np.zeros((3, 2)))[4], envs.reset()[1]):
+        assert (told["k_star"] == k_star).all()
+    elsewhere = envs.reset(options={"state": [1, 0, 0, 0, 0], "reset_mask": np.arange(3) == 1})[1]["k_star"]
+    assert np.array_equal(elsewhere, [k_star, np.nan, k_star], equal_nan=True)
+    envs.set_tolerance(Tolerance(position=0.2))
+    assert np.isnan(envs.step(np.zeros((3, 2)))[4]["k_star"]).all()
+    assert np.isnan(envs.reset()[1]["k_star"]).all()
+    pool = Starts(np.zeros((1, 5)), np.zeros(1, dtype=np.int64))
+    assert np.isnan(FlatQuadVectorEnv(1, scenario="hoop", starts=pool).reset(seed=0)[1]["k_star"]).all()
 
 
 def test_misuse_is_named():
