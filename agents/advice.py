@@ -8,6 +8,7 @@ have flown from them is shown.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import joblib
@@ -66,7 +67,8 @@ def regulated(
             observations, _, _, _, infos = envs.step(actions)
             flying &= infos["outcome"] == OUTCOMES[0]
             flying &= expert.distance(infos["state"], infos["steps"]) < ASTRAY
-        return Shown(np.concatenate(seen), np.concatenate(told), 0 if learner is None else sum(map(len, told)))
+        steps = sum(map(len, told))
+        return Shown(np.concatenate(seen), np.concatenate(told), 0 if learner is None else steps, steps)
 
     return advise
 
@@ -83,9 +85,11 @@ def replanned(
 ) -> Adviser:
     """Return the advice of the expert that plans anew, on flights through drawn scenarios; in a mirror too.
 
+    What is shown at first, the optimal flights themselves, is shown backwards in time as well.
+
     Args:
         flights: optimal flights of `distribution.scenario(i)`, i = 0, 1, ..., or of the same with narrower hoops,
-            through which it is then planned.
+            through which it is then planned where it can be.
         distribution: from which they are drawn.
         count: flights of a round.
         every: steps between plans.
@@ -98,7 +102,7 @@ def replanned(
     def one(number: int, states: Array, actions: NDArray[np.float32]) -> list[Shown]:
         flight, scenario = flights[number], scenarios[number]
         passed, last = hoops_along(scenario, states, actions), min(len(flight.actions) + extra, len(states) - 1)
-        plans = continuations(flight, states[:last], passed[:last], every)
+        plans = continuations(flight, states[:last], passed[:last], every, scenario)
         return [
             seen_along(scenario, plan.states[: ahead + 1], plan.actions[:ahead], plan.step, plan.hoops_passed)
             for plan in plans
@@ -106,8 +110,12 @@ def replanned(
 
     def advise(learner: PPO | None, number: int) -> Shown:
         if learner is None:
-            own = zip(scenarios, flights, strict=True)
-            return mirrored(joined([seen_along(scenario, flight.states, flight.actions) for scenario, flight in own]))
+            own = [
+                (scenario, flight.states, flight.actions) for scenario, flight in zip(scenarios, flights, strict=True)
+            ]
+            seen = [seen_along(*one) for one in own]
+            back = [seen_along(*backwards(*one))._replace(asked=0) for one in own]
+            return mirrored(joined([*seen, *back]))
         first = (number * count) % max(1, len(flights) - count)
         found = fly(learner, distribution, min(count, len(flights)), first)
         calls = [
@@ -126,7 +134,22 @@ def seen_along(scenario: Scenario, states: Array, actions: NDArray[Any], step: i
     passed = hoops_along(scenario, states, actions, hoops_passed)[:-1]
     steps = np.minimum(step + np.arange(count), scenario.max_steps - 1)
     situation = Situation(states[:-1], steps, passed, np.zeros(count, dtype=np.int64))
-    return Shown(task.observe(Scene.of([scenario] * count), situation), np.asarray(actions, dtype=np.float32))
+    return Shown(
+        task.observe(Scene.of([scenario] * count), situation), np.asarray(actions, dtype=np.float32), asked=count
+    )
+
+
+def backwards(scenario: Scenario, states: Array, actions: NDArray[Any]) -> tuple[Scenario, Array, NDArray[Any]]:
+    """Return a flight backwards in time - the same thrust, tilt and path, the rate reversed - and where it is one.
+
+    Args:
+        scenario: what is flown.
+        states: shape (K+1, 5).
+        actions: shape (K, 2).
+    """
+    hoops = tuple(replace(hoop, angle=hoop.angle + np.pi) for hoop in scenario.hoops[::-1])
+    turned = replace(scenario, start=scenario.goal, goal=scenario.start, hoops=hoops)
+    return turned, states[::-1] * (1, 1, -1, -1, 1), actions[::-1] * np.array([1, -1], dtype=actions.dtype)
 
 
 def hoops_along(scenario: Scenario, states: Array, actions: NDArray[Any], passed: int = 0) -> Integers:

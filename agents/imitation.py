@@ -79,11 +79,13 @@ class Shown(NamedTuple):
         observations: float32, shape (n, 19).
         actions: what to do there, float32, shape (n, 2).
         flown: environment steps that a learner flew for it.
+        asked: steps for which an expert said what to do; there may be more rows, as of mirror images.
     """
 
     observations: NDArray[np.float32]
     actions: NDArray[np.float32]
     flown: int = 0
+    asked: int = 0
 
 
 Adviser = Callable[[PPO | None, int], Shown]
@@ -101,14 +103,15 @@ def recorded(dataset: minari.MinariDataset, problem: str) -> Shown:
     return Shown(
         np.concatenate([episode.observations[:-1] for episode in episodes]),
         np.concatenate([episode.actions for episode in episodes]),
+        asked=int(dataset.total_steps),
     )
 
 
 def joined(parts: Sequence[Shown]) -> Shown:
     """Return all that was shown as one."""
     nothing = Shown(np.zeros((0, len(OBSERVATION_NAMES)), np.float32), np.zeros((0, 2), np.float32))
-    observations, actions, flown = zip(nothing, *parts, strict=True)
-    return Shown(np.concatenate(observations), np.concatenate(actions), sum(flown))
+    observations, actions, flown, asked = zip(nothing, *parts, strict=True)
+    return Shown(np.concatenate(observations), np.concatenate(actions), sum(flown), sum(asked))
 
 
 def mirrored(shown: Shown) -> Shown:

@@ -117,11 +117,7 @@ def load(path: str | Path, trust: bool = False) -> BaseAlgorithm:
         FileNotFoundError: where there is no such file.
     """
     path = Path(path)
-    if not trust and PRETRAINED.resolve() not in path.resolve().parents:
-        raise ValueError(
-            f"{path} did not come with the package, and loading a Stable-Baselines3 file executes code in it; if you "
-            "trust whoever wrote it: load(path, trust=True), or --trust on the command line"
-        )
+    admit(path, trust)
     kind = algorithm(describe(path)["algorithm"])
     try:
         model = kind.load(path, device="cpu")
@@ -129,6 +125,15 @@ def load(path: str | Path, trust: bool = False) -> BaseAlgorithm:
         raise ValueError(f"{path} is not a policy which this version of {kind.__name__} can load: {error}") from error
     _check_spaces(path, model)
     return model
+
+
+def admit(path: str | Path, trust: bool = False) -> None:
+    """Raise a ValueError for a file that did not come with the package, unless it is trusted; see `load`."""
+    if not trust and PRETRAINED.resolve() not in Path(path).resolve().parents:
+        raise ValueError(
+            f"{path} did not come with the package, and loading a Stable-Baselines3 file executes code in it; if you "
+            "trust whoever wrote it: load(path, trust=True), or --trust on the command line"
+        )
 
 
 def pretrained(name: str) -> BaseAlgorithm:

@@ -20,8 +20,11 @@ from agents.experts import Expert, placed, steps_flown
 from agents.seen import Seen, relative_state
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
-from optimal.replanning import Underway, replan, rest
+from optimal.replanning import STRIDES, Underway, replan, rest
 from optimal.steps import FewestSteps, Found
+
+PATIENCE = 4
+"""How many strides of `optimal.replanning` are tried in `continuations`: what fails takes longest."""
 
 
 class Continuation(NamedTuple):
@@ -34,7 +37,11 @@ class Continuation(NamedTuple):
 
 
 def continuations(
-    flight: FewestSteps, states: Array, hoops_passed: NDArray[np.int64], every: int = 8
+    flight: FewestSteps,
+    states: Array,
+    hoops_passed: NDArray[np.int64],
+    every: int = 8,
+    scenario: Scenario | None = None,
 ) -> Iterator[Continuation]:
     """Yield the plans from every so many states of another flight of the same scenario, until none is found.
 
@@ -43,11 +50,15 @@ def continuations(
         states: where the other flight was, tilt not wrapped, shape (T, 5).
         hoops_passed: the hoops it had passed there, shape (T,).
         every: steps between plans.
+        scenario: the scenario with wider hoops, through which is planned what finds no way through the flight's own.
     """
     plan, begun = Found(flight.actions, flight.states, flight.winding, 0.0), 0
+    tried = [flight.scenario] if scenario in (None, flight.scenario) else [flight.scenario, scenario]
     for step in range(every, len(states), every):
-        underway = Underway.of(flight.scenario, states[step], int(hoops_passed[step]))
-        found = replan(underway, rest(plan, step - begun, flight.scenario), plan.winding)
+        passed, left = int(hoops_passed[step]), rest(plan, step - begun, flight.scenario)
+        tasks = (Underway.of(one, states[step], passed) for one in tried)
+        plans = (replan(task, left, plan.winding, STRIDES[:PATIENCE]) for task in tasks)
+        found = next((one for one in plans if one is not None), None)
         if found is None:  # astray; further on it would be no nearer, and what fails takes longest
             return
         plan, begun = found, step

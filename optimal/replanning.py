@@ -10,6 +10,7 @@ K goes down as long as a flight is found, else up in growing strides until one i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -58,16 +59,17 @@ def rest(flight: FewestSteps | Found, step: int, scenario: Scenario) -> Trajecto
     return Trajectory(scenario.dt * np.arange(len(controls) + 1.0), flight.states[step:], controls, scenario.quadrotor)
 
 
-def replan(task: Underway, like: Trajectory, winding: int) -> Found | None:
+def replan(task: Underway, like: Trajectory, winding: int, strides: Sequence[int] = STRIDES) -> Found | None:
     """Return the flight in the fewest steps found near another one, from where the task stands; None if none is found.
 
     Args:
         task: what is left to fly.
         like: a flight from about there through the same hoops to the goal, in steps of `task.dt`.
         winding: whole turns at its end, counted as its tilt is.
+        strides: as STRIDES; fewer give up sooner.
     """
     count, found = max(len(like.controls), 1), None
-    for stride in STRIDES:
+    for stride in strides:
         count = min(count + stride, task.max_steps)
         found = fly_in(task, like, winding, count)
         if found is not None:
