@@ -1,5 +1,6 @@
 """What the README says of learning: the study's tables and picture, the pretrained policies, the demonstrations.
 
+    scores        benchmark.json            the quick benchmark
     learners      learners.json             agents side by side, undisturbed and disturbed
     pretrained    agents/pretrained/*.json  the policies that come with the package
     demos         demos.json                how fast demonstrations are made, and whether all replay
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from itertools import accumulate
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -40,6 +42,7 @@ NAMES = {
     "expert-rim": "expert along the rim",
     "tape": "tape of the expert",
     "pd": "cascaded PD",
+    "pretrained": "pretrained",
 }
 """What agents are called, in the order of the tables."""
 PAINT = dict(zip(NAMES, (*COLOURS, FLAME), strict=False))
@@ -67,9 +70,18 @@ def flights(results: Row) -> pd.DataFrame:
 def scored(results: Row) -> Scores:
     """Return the summary of each scenario, agent and condition, in the order of NAMES."""
     table = summary(flights(results), ("scenario", "agent", "condition")).to_dict("records")
-    order = list(NAMES)
-    table.sort(key=lambda row: order.index(row["agent"]))
+    table.sort(key=lambda row: place(row["agent"]))
     return {(row["scenario"], row["agent"], row["condition"]): row for row in table}
+
+
+def called(agent: str) -> str:
+    """Return what an agent is called: the name in NAMES, or its own where it is not of the study."""
+    return NAMES.get(agent, agent)
+
+
+def place(agent: str) -> int:
+    """Return an agent's place in the tables: the order of NAMES, others behind."""
+    return list(NAMES).index(agent) if agent in NAMES else len(NAMES)
 
 
 def learnt_after(cell: Row, k_check: float) -> float:
@@ -96,6 +108,34 @@ def learners(results: Row) -> str:
     return "\n\n".join(parts)
 
 
+def scores(results: Row) -> str:
+    """Return the table of the quick benchmark: everybody undisturbed and disturbed, and how it came about."""
+    found = scored(results)
+    times = {row["scenario"]: row["time_s"] for row in results["solutions"]}
+    head = ["on", "T* [s]", "K*", "agent", "success", "gap to K*", "disturbed", "steps flown", "learning [s]"]
+    rows = [
+        [
+            f"`{problem}`",
+            f"{times[problem]:.4f}" if problem in times else "each its own",
+            f"{results['k_star'][problem][0]:.0f}" if problem in times else "each its own",
+            called(agent),
+            share(found[problem, agent, "calm"]),
+            gap(found[problem, agent, "calm"]),
+            share(found[problem, agent, "together"]),
+            amount(np.mean([cell["env_steps"] for cell in runs_of(results, problem, agent)])),
+            f"{np.mean([cell['wall_time_s'] for cell in runs_of(results, problem, agent)]):.0f}",
+        ]
+        for problem, agent in pairs(found)
+    ]
+    used = results["versions"]
+    note = (
+        f"`{results['command']}` on {results['machine']['cores']} cores ({results['processor']}), "
+        f"{results['date'][:10]}; flatgym {used['flatgym']}, stable-baselines3 {used['stable-baselines3']}, torch "
+        f"{used['torch']}. Disturbed: success in wind, with with another mass and with a delay, all three."
+    )
+    return markdown(head, rows) + "\n\n" + fill(note, WIDTH, break_on_hyphens=False)
+
+
 def side_by_side(results: Row, found: Scores) -> Iterator[list[str]]:
     """Yield the lines of the undisturbed flights."""
     for problem, agent in pairs(found):
@@ -103,7 +143,7 @@ def side_by_side(results: Row, found: Scores) -> Iterator[list[str]]:
         row, learnt = found[problem, agent, "calm"], any(cell["curve"] for cell in runs)
         yield [
             f"`{problem}`",
-            NAMES[agent],
+            called(agent),
             share(row),
             gap(row),
             amount(np.mean([cell["env_steps"] for cell in runs])),
@@ -117,7 +157,7 @@ def disturbed(results: Row, found: Scores) -> Iterator[list[str]]:
     """Yield the lines of all conditions: success, and the gap of what succeeded."""
     for problem, agent in pairs(found):
         cells = [found[problem, agent, condition] for condition in results["conditions"]]
-        yield [f"`{problem}`", NAMES[agent], *(f"{share(row)}, {gap(row, bounds=False)}" for row in cells)]
+        yield [f"`{problem}`", called(agent), *(f"{share(row)}, {gap(row, bounds=False)}" for row in cells)]
 
 
 def pairs(found: Scores) -> list[tuple[str, str]]:
@@ -223,7 +263,7 @@ def strength(active: dict[str, float]) -> str:
         "mass": lambda value: f"mass within {100 * value:g} %",
         "action_delay": lambda value: f"actions up to {value:g} step late",
     }
-    return ", ".join(words[name](value) for name, value in active.items())
+    return ", ".join(words[name](value) if name in words else f"{name} {value:g}" for name, value in active.items())
 
 
 def beaten(found: Scores, problem: str, condition: str) -> bool:
@@ -322,7 +362,7 @@ def picture(results: Row) -> go.Figure:
                 curve(figure, cell, results["k_check"][problem], row, legend=row == 1 and number == 0)
         for column in (1, 2):
             figure.update_yaxes(
-                categoryorder="array", categoryarray=[NAMES[agent] for agent in reversed(agents)],
+                categoryorder="array", categoryarray=[called(agent) for agent in reversed(agents)],
                 showticklabels=column == 1, dtick=1, row=row, col=column,
             )  # fmt: skip
         figure.update_xaxes(range=[0, 1.04], tickformat=".0%", tickvals=[0, 0.5, 1], row=row, col=1)
@@ -366,7 +406,7 @@ def error(rows: Sequence[Row], name: str, middle: str) -> dict[str, Any]:
 def bars(figure: go.Figure, rows: Sequence[Row], row: int) -> None:
     """Draw the success of undisturbed flights."""
     figure.add_bar(
-        x=[one["success_rate"] for one in rows], y=[NAMES[one["agent"]] for one in rows], orientation="h",
+        x=[one["success_rate"] for one in rows], y=[called(one["agent"]) for one in rows], orientation="h",
         marker={"color": [colour(one["agent"]) for one in rows]}, error_x=error(rows, "success", "success_rate"),
         showlegend=False, row=row, col=1,
     )  # fmt: skip
@@ -375,7 +415,7 @@ def bars(figure: go.Figure, rows: Sequence[Row], row: int) -> None:
 def marks(figure: go.Figure, rows: Sequence[Row], row: int) -> None:
     """Draw the success of disturbed flights."""
     figure.add_scatter(
-        x=[one["success_rate"] for one in rows], y=[NAMES[one["agent"]] for one in rows], mode="markers",
+        x=[one["success_rate"] for one in rows], y=[called(one["agent"]) for one in rows], mode="markers",
         marker={"symbol": "diamond", "size": 9, "color": "white", "line": {"color": INK, "width": 1.5}},
         error_x=error(rows, "success", "success_rate"), showlegend=False, row=row, col=1,
     )  # fmt: skip
@@ -384,7 +424,7 @@ def marks(figure: go.Figure, rows: Sequence[Row], row: int) -> None:
 def gaps(figure: go.Figure, rows: Sequence[Row], row: int) -> None:
     """Draw the gaps with their intervals."""
     figure.add_scatter(
-        x=[one["gap"] for one in rows], y=[NAMES[one["agent"]] for one in rows], mode="markers",
+        x=[one["gap"] for one in rows], y=[called(one["agent"]) for one in rows], mode="markers",
         marker={"size": 9, "color": [colour(one["agent"]) for one in rows]}, error_x=error(rows, "gap", "gap"),
         showlegend=False, row=row, col=2,
     )  # fmt: skip
@@ -392,15 +432,22 @@ def gaps(figure: go.Figure, rows: Sequence[Row], row: int) -> None:
 
 def curve(figure: go.Figure, cell: Row, k_check: float, row: int, legend: bool) -> None:
     """Draw the least gap so far of the checks that were reliable."""
-    good = [point for point in cell["curve"] if point["success_rate"] >= RELIABLE]
     if not cell["curve"]:
         return
+    steps, least = approach(cell, k_check)
     figure.add_scatter(
-        x=[point["env_steps"] + point["expert_steps"] for point in good],
-        y=np.minimum.accumulate([point["steps"] / k_check - 1 for point in good]) if good else [],
+        x=steps, y=least,
         mode="lines+markers", line={"color": colour(cell["agent"]), "width": 1.5, "shape": "hv"}, marker={"size": 5},
-        name=NAMES[cell["agent"]], legendgroup=cell["agent"], showlegend=legend, row=row, col=3,
+        name=called(cell["agent"]), legendgroup=cell["agent"], showlegend=legend, row=row, col=3,
     )  # fmt: skip
+
+
+def approach(cell: Row, k_check: float) -> tuple[list[float], list[float]]:
+    """Return the environment steps, flown and shown, of the reliable checks, and the least gap to K* until each."""
+    good = [point for point in cell["curve"] if point["success_rate"] >= RELIABLE]
+    steps = [float(point["env_steps"] + point["expert_steps"]) for point in good]
+    gaps = [float(point["steps"] / k_check - 1) for point in good]
+    return steps, list(accumulate(gaps, min))
 
 
 def draw(folder: Path, results: Row) -> None:

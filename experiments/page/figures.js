@@ -1,0 +1,115 @@
+// Figures: Plotly is unpacked after the page has been shown, and each figure drawn when it comes near.
+"use strict";
+(() => {
+  const { dark, charts } = JSON.parse(document.getElementById("figures").textContent);
+  const NARROW = 520; // [px]; below, letters are smaller
+  const places = [...document.querySelectorAll(".chart")];
+  const near = new Set();
+  let ready = false;
+
+  const isDark = () => document.documentElement.dataset.theme === "dark";
+  const token = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+  function heightOf(place, chart) {
+    const natural = chart.aspect * place.clientWidth;
+    return chart.aspect ? Math.max(220, Math.min(chart.height, natural)) : chart.height;
+  }
+
+  // A colour of the light theme is a string like any other: those that have a counterpart in the dark are exchanged.
+  function painted(value) {
+    if (typeof value === "string") return dark[value] ?? value;
+    if (Array.isArray(value)) return value.map(painted);
+    if (value && typeof value === "object") {
+      return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, painted(inner)]));
+    }
+    return value;
+  }
+
+  function dressed(place, chart) {
+    const figure = isDark() ? painted(chart.figure) : structuredClone(chart.figure);
+    const narrow = place.clientWidth < NARROW;
+    const axis = {
+      gridcolor: token("--faint"), linecolor: token("--outline"), title: { standoff: 8 },
+      ticks: "outside", ticklen: 4, tickcolor: token("--faint"), fixedrange: matchMedia("(pointer: coarse)").matches,
+    };
+    const house = {
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+      font: { family: "system-ui, sans-serif", size: narrow ? 11 : 13, color: token("--ink") },
+      hoverlabel: { bgcolor: token("--raised"), font: { color: token("--ink") } },
+      xaxis: axis, yaxis: axis,
+    };
+    const margin = { l: narrow ? 44 : 56, r: narrow ? 10 : 18, t: 30, b: 46 };
+    const layout = { margin, ...figure.layout, template: { layout: house }, height: heightOf(place, chart) };
+    return [figure.data, layout];
+  }
+
+  const config = { displaylogo: false, displayModeBar: false };
+  function draw(place) {
+    const [data, layout] = dressed(place, charts[place.id]);
+    Plotly.react(place, data, layout, config);
+  }
+
+  // Places are as high as what will be drawn there, so that nothing jumps.
+  for (const place of places) {
+    const chart = charts[place.id];
+    if (chart.least) place.style.minWidth = `${chart.least}px`;
+    place.style.minHeight = `${heightOf(place, chart)}px`;
+  }
+
+  const watch = new IntersectionObserver((entries) => {
+    for (const { isIntersecting, target } of entries) {
+      if (!isIntersecting) continue;
+      watch.unobserve(target);
+      near.add(target);
+      if (ready) draw(target);
+    }
+  }, { rootMargin: "600px" });
+  places.forEach((place) => watch.observe(place));
+
+  // Plotly's own resizing keeps heights and letters as they were.
+  const widths = new Map();
+  const stretched = new ResizeObserver((entries) => {
+    for (const { target, contentRect } of entries) {
+      if (widths.get(target) === contentRect.width || !contentRect.width) continue;
+      const first = !widths.has(target);
+      widths.set(target, contentRect.width);
+      target.style.minHeight = `${heightOf(target, charts[target.id])}px`;
+      if (!first && ready && near.has(target)) draw(target);
+    }
+  });
+  places.forEach((place) => stretched.observe(place));
+
+  function drawAll() {
+    if (ready) near.forEach(draw);
+  }
+  document.addEventListener("themechange", drawAll);
+  addEventListener("beforeprint", () => {
+    places.forEach((place) => near.add(place));
+    drawAll();
+  });
+
+  async function unpacked(text) {
+    const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    return new Response(stream).text();
+  }
+
+  async function load() {
+    const packed = document.getElementById("plotly");
+    const script = document.createElement("script");
+    script.textContent = await unpacked(packed.textContent);
+    packed.remove();
+    document.head.append(script);
+    ready = true;
+    drawAll();
+    document.documentElement.dataset.figures = "ready";
+  }
+
+  function failed(problem) {
+    for (const place of places) place.textContent = `Figures could not be drawn: ${problem}`;
+  }
+
+  const idle = window.requestIdleCallback ?? ((work) => setTimeout(work, 50));
+  const afterPaint = (work) => requestAnimationFrame(() => requestAnimationFrame(() => idle(work)));
+  addEventListener("load", () => afterPaint(() => load().catch(failed)));
+})();
