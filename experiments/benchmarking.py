@@ -8,24 +8,21 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
 import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import joblib
 import numpy as np
 from rich.progress import Progress, TaskID
 
 from agents.evaluate import versions
-from experiments.files import SCHEMA, write_json
+from experiments.files import SCHEMA, set_aside, write_json
+from experiments.provenance import machine, now
 from flatgym import Scenario
-from optimal.export import free
 
 Row = dict[str, Any]
 Advance = Callable[[int, int], None]
@@ -90,7 +87,7 @@ def run(sections: Mapping[str, Section], *, quick: bool, command: str, bar: Prog
         "schema": SCHEMA,
         "quick": quick,
         "versions": versions(),
-        "machine": {"processor": platform.machine(), "system": platform.system(), "cores": joblib.cpu_count()},
+        "machine": machine(),
         "sections": {},
     }
     for name, section in sections.items():
@@ -100,7 +97,7 @@ def run(sections: Mapping[str, Section], *, quick: bool, command: str, bar: Prog
         results["sections"][name] = {
             "rows": rows,
             "command": command,
-            "date": datetime.now(UTC).isoformat(timespec="seconds"),
+            "date": now(),
             "wall_time_s": time.perf_counter() - begun,
         }
     return results
@@ -116,8 +113,7 @@ def joined(path: Path, results: Row) -> Row:
     except (ValueError, TypeError, KeyError):
         alike = False
     if not alike:
-        aside = free(path.with_name(f"{path.name}.set-aside"))
-        path.replace(aside)
+        aside = set_aside(path)
         print(f"{path} is damaged, or of other versions, sizes or another machine; set aside as {aside.name}")
         return results
     return results | {"sections": before["sections"] | results["sections"]}

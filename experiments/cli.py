@@ -9,23 +9,23 @@ import json
 import os
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 import typer
-from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 import flatgym
 import optimal
-from experiments.files import SCHEMA, plain, write_json
+from experiments.files import plain, read_json, write_json
 from experiments.listing import distribution_row, scenario_row
+from experiments.terminal import RESULTS, command_line, messages, progress_bar, screen, show, upright
 from flatgym import catalogue
 from flatgym.reference import EVALUATION_SEED, reference
+from optimal.export import write_text
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -33,55 +33,17 @@ app = typer.Typer(
     help="FlatQuad: how far from time-optimal is a learned quadrotor policy?",
     rich_markup_mode="rich",
 )
-screen, messages = Console(), Console(stderr=True)
-
 Scenario = Annotated[str, typer.Argument(help="Name of a scenario; `flatquad list` shows them.", show_default=False)]
+Problem = Annotated[
+    str, typer.Argument(help="Name of a scenario or distribution; `flatquad list` shows them.", show_default=False)
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
-RESULTS = Path("experiments/results")
+Jobs = Annotated[int, typer.Option(help="Worker processes; -1 is one for each core.")]
+Backend = Annotated[str, typer.Option(help="loky: this machine, or ray: a Ray cluster.")]
+Trust = Annotated[bool, typer.Option("--trust", help="Load zips: I know who wrote them.")]
+Timeout = Annotated[float, typer.Option(min=1.0, help="How long the flights of a policy of yours may take [s].")]
 CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "flatquad"
 """Where K* that had to be computed are kept, for the next time."""
-
-
-def progress_bar() -> Progress:
-    """Return a progress bar on standard error, so that standard output stays clean for data."""
-    return Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[note]}"),
-        console=messages,
-    )
-
-
-def command_line() -> str:
-    """Return what the user typed, for the record in results files."""
-    return " ".join(["flatquad", *sys.argv[1:]])
-
-
-def show(rows: pd.DataFrame, as_json: bool, title: str = "", columns: dict[str, str] | None = None) -> None:
-    """Print rows as a JSON list of objects, or as a table: all columns, or those in `columns` under shorter names."""
-    if as_json:
-        typer.echo(json.dumps(plain(rows.to_dict("records")), indent=1))
-        return
-    if columns is not None:
-        rows = rows[list(columns)].rename(columns=columns).round(4)
-    table = Table(title=escape(title), header_style="bold", title_justify="left")
-    for i, column in enumerate(rows.columns):
-        numeric = pd.api.types.is_numeric_dtype(rows[column])
-        table.add_column(escape(column), justify="right" if numeric else "left", no_wrap=i == 0, overflow="fold")
-    for _, row in rows.iterrows():
-        table.add_row(*(_cell(value) for value in row))
-    screen.print(table)
-
-
-def _cell(value: Any) -> str:
-    if value is None or (isinstance(value, float) and pd.isna(value)):
-        return "-"
-    if isinstance(value, bool) or not isinstance(value, float):
-        return str(value)
-    return f"{value:.6g}" if abs(value) >= 1e-3 else f"{value:.2g}"
 
 
 @app.command("list", epilog="Example: flatquad list --json")
@@ -139,12 +101,7 @@ def solve(
     if out is not None:
         assert solution.trajectory is not None
         messages.print(f"flight: {optimal.save(solution.trajectory.sample(dt), out)}")
-    show(pd.DataFrame([row]) if as_json else _upright(row), as_json, solution.status.value)
-
-
-def _upright(row: dict[str, Any]) -> pd.DataFrame:
-    """Return one row as a table of two columns, which fits a terminal."""
-    return pd.DataFrame({"field": list(row), "value": [_cell(value) for value in row.values()]})
+    show(pd.DataFrame([row]) if as_json else upright(row), as_json, solution.status.value)
 
 
 @app.command(epilog="Example: flatquad paper --json")
@@ -154,14 +111,14 @@ def paper(
     as_json: AsJson = False,
 ) -> None:
     """Compare the paper's printed times with what can be flown, judge which are impossible, and draw its figures."""
-    from agents.evaluate import versions
     from experiments import paper, paper_figures
+    from experiments.provenance import provenance
 
     with progress_bar() as bar:
         work = bar.add_task("the paper's cases", total=len(paper.questions()), note="")
         tables = paper.tables(progress=lambda: bar.advance(work))
         record = plain({name: table.to_dict("records") for name, table in tables.items()})
-        write_json(out, {"schema": SCHEMA, "command": command_line(), "versions": versions(), **record})
+        write_json(out, provenance(command_line()) | record)
         pages = paper_figures.pages(record["judged"])
         work = bar.add_task("the paper's figures", total=len(pages), note="")
         paper_figures.write(pages, out.parent, progress=lambda: bar.advance(work))
@@ -218,9 +175,7 @@ def paper(
 
 @app.command(epilog="Example: flatquad demos hoop -n 8; flatquad demos random-goal -n 1000 --export goals.csv")
 def demos(
-    scenario: Annotated[
-        str, typer.Argument(help="Name of a scenario or distribution; `flatquad list` shows them.", show_default=False)
-    ],
+    scenario: Problem,
     number: Annotated[int, typer.Option("-n", "--number", min=1, help="How many flights from rest.")] = 8,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all that is drawn.")] = 0,
     out: Annotated[str, typer.Option(help="Minari id of the dataset; by default named after the scenario.")] = "",
@@ -234,8 +189,8 @@ def demos(
         int, typer.Option(min=0, help="How often each flight is also knocked off on its way and planned anew.")
     ] = 0,
     budget: Annotated[float, typer.Option(min=0.0, help="Time granted for each proof [s].")] = 0.0,
-    jobs: Annotated[int, typer.Option(help="Worker processes; -1 is one for each core.")] = -1,
-    backend: Annotated[str, typer.Option(help="loky: this machine, or ray: a Ray cluster.")] = "loky",
+    jobs: Jobs = -1,
+    backend: Backend = "loky",
     export: Annotated[Path | None, typer.Option(help="Write the dataset to a .csv or .parquet file too.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -292,9 +247,7 @@ def demos(
     epilog="Example: flatquad train hoop --seed 1 --folder runs/hoop-1; flatquad train random-goal --algorithm sac"
 )
 def train(
-    scenario: Annotated[
-        str, typer.Argument(help="Name of a scenario or distribution; `flatquad list` shows them.", show_default=False)
-    ],
+    scenario: Problem,
     algorithm: Annotated[str, typer.Option(help="ppo, sac, td3 or tqc.")] = "ppo",
     seed: Annotated[int, typer.Option(help="Seed of starts, network and exploration.")] = 0,
     seconds: Annotated[
@@ -351,14 +304,17 @@ def train(
         "wall_time_s": round(training.wall_time_s, 1),
         "model": str(training.model),
     }
-    show(pd.DataFrame([row], dtype=object) if as_json else _upright(row), as_json, "Trained")
+    show(pd.DataFrame([row], dtype=object) if as_json else upright(row), as_json, "Trained")
 
 
-@app.command(epilog="Example: flatquad evaluate --pretrained hoop; flatquad evaluate --agent pd --scenario random-goal")
+@app.command(
+    epilog="Example: flatquad evaluate my_policy.zip --scenario hoop --trust --report mine.html; "
+    "flatquad evaluate my_module:policy --scenario random-goal; flatquad evaluate --pretrained hoop"
+)
 def evaluate(
     policy: Annotated[
-        Path | None, typer.Argument(help="A policy's zip; code in it is executed, so only with --trust.")
-    ] = None,
+        str, typer.Argument(help="A policy's zip, whose code is run, so only with --trust; or module:object.")
+    ] = "",
     scenario: Annotated[str, typer.Option(help="Name of a scenario or distribution; `flatquad list` shows them.")] = "",
     pretrained: Annotated[str, typer.Option(help="Name of a policy that came with the package.")] = "",
     agent: Annotated[str, typer.Option(help="expert: a flight in K* steps with feedback; or pd: a cascade.")] = "",
@@ -366,7 +322,11 @@ def evaluate(
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the first flight; trainings use smaller ones.")
     ] = EVALUATION_SEED,
-    trust: Annotated[bool, typer.Option("--trust", help="Load the zip: I know who wrote it.")] = False,
+    trust: Trust = False,
+    timeout: Timeout = 300.0,
+    report: Annotated[
+        Path | None, typer.Option(help="Also write a page with plots and a race, yours beside expert, PD and others.")
+    ] = None,
     wind: Annotated[float, typer.Option(help="Greatest acceleration by the wind [m/s^2].")] = 0.0,
     mass: Annotated[float, typer.Option(help="Greatest error of the mass, as a share.")] = 0.0,
     thrust_gain: Annotated[float, typer.Option(help="Greatest error of the thrust, as a share.")] = 0.0,
@@ -374,24 +334,22 @@ def evaluate(
     sensor_noise: Annotated[float, typer.Option(help="Standard deviation of what is measured [m, m/s, rad].")] = 0.0,
     as_json: AsJson = False,
 ) -> None:
-    """Score a policy: success, steps, and the gap to K*, the fewest steps possible."""
-    from agents.evaluate import evaluate
+    """Score a policy, yours or one of ours: success, steps, and the gap to K*, the fewest steps possible.
 
-    disturbances = flatgym.Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise)
+    Yours is a zip of Stable-Baselines3, or anything with predict(observations) in a module. It flies in a process of
+    its own, so that it may crash or hang.
+    """
+    from experiments import contest
+
+    asked = contest.Contest(
+        policy, pretrained, agent, scenario, trust, episodes, seed,
+        flatgym.Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise),
+    )  # fmt: skip
     with progress_bar() as bar:
         bar.add_task("flying", total=None, note="")
-        name, flown, scenario = _contestant(policy, pretrained, agent, scenario, trust)
-        rows = evaluate(
-            flown,
-            scenario,
-            episodes,
-            seed,
-            disturbances=disturbances,
-            store=CACHE,
-            agent=name,
-            env_steps=getattr(flown, "num_timesteps", None),
-            command=command_line(),
-        )
+        rows = pd.DataFrame([contest.score(asked, CACHE, timeout) | {"command": command_line()}])
+        if report is not None:
+            page = contest.page(asked, report, command=command_line(), timeout=timeout, bar=bar)
     titles = {
         "scenario": "scenario",
         "agent": "agent",
@@ -405,60 +363,91 @@ def evaluate(
     if not as_json:
         rows["outcomes"] = [", ".join(f"{word} {n}" for word, n in counts.items()) for counts in rows["outcomes"]]
     show(rows, as_json, "Score", titles)
+    if report is not None:
+        messages.print(f"report: {page.resolve()}", soft_wrap=True)
 
 
-def _contestant(policy: Path | None, pretrained: str, agent: str, scenario: str, trust: bool) -> tuple[str, Any, str]:
-    """Return the name of who is to be scored, what flies, and on what: by default what a policy was trained on."""
-    if sum(map(bool, (policy, pretrained, agent))) != 1:
-        raise ValueError("name one policy to score: a zip, --pretrained NAME, or --agent expert or pd")
-    if agent:
-        return agent, _agent(agent, scenario), scenario
-    from agents import policies
-
-    path = policy or policies.PRETRAINED / f"{pretrained}.zip"
-    model = policies.pretrained(pretrained) if pretrained else policies.load(path, trust)
-    scenario = scenario or policies.describe(path).get("scenario", "")
-    if not scenario:
-        raise ValueError(f"{path} does not say what it was trained on: give --scenario")
-    return pretrained or path.stem, model, scenario
-
-
-def _agent(agent: str, scenario: str) -> Any:
-    from agents.cascade import Cascade
-    from agents.experts import Expert
-
-    if agent not in ("expert", "pd"):
-        raise ValueError(f"unknown agent {agent!r}; known: expert, pd")
-    if not scenario:
-        raise ValueError(f"the agent {agent} flies anything: give --scenario")
-    if agent == "pd":
-        return Cascade(flatgym.catalogue.problem(scenario).quadrotor)
-    return Expert(optimal.fewest_steps_many([scenario], jobs=1, store=CACHE)[0])
-
-
-@app.command(epilog="Example: flatquad benchmark --seconds 250")
+@app.command(
+    epilog="Example: flatquad benchmark; flatquad benchmark --full --only hoop random-goal/ppo; "
+    "flatquad benchmark --policy mine=my_policy.zip --trust"
+)
 def benchmark(
-    seconds: Annotated[float, typer.Option(min=1.0, help="Wall time of each training [s].")] = 250.0,
-    seed: Annotated[int, typer.Option(help="Seed of demonstrations and training.")] = 0,
-    out: Annotated[Path, typer.Option(help="Folder for results and figures.")] = RESULTS,
+    full: Annotated[bool, typer.Option("--full", help="All scenarios, all agents, three seeds: hours.")] = False,
+    only: Annotated[
+        list[str] | None, typer.Option(help="PROBLEM or PROBLEM/AGENT; may be given several times.")
+    ] = None,
+    policy: Annotated[
+        list[str] | None, typer.Option(help="NAME=ZIP or NAME=MODULE:OBJECT, an agent of yours; may be repeated.")
+    ] = None,
+    trust: Trust = False,
+    timeout: Timeout = 300.0,
+    jobs: Jobs = -1,
+    backend: Backend = "loky",
+    out: Annotated[Path, typer.Option(help="Folder for results, their cells, and the report.")] = RESULTS,
     as_json: AsJson = False,
 ) -> None:
-    """Solve, demonstrate, train and score: how far from optimal is PPO?"""
-    from experiments import rl_vs_optimal
+    """Solve, demonstrate, train and score: how far from optimal are PPO and the others?
 
+    Minutes, or hours with --full. Each finished cell is a file of its own, so a killed run goes on where it was. At the
+    end stand a table, a JSON and a CSV file, and a page with plots and races.
+    """
+    from experiments import benchmark, contest, report
+    from experiments.readme import published
+
+    suite = benchmark.SUITES["full" if full else "quick"]
+    suite = replace(suite, policies=contest.named(policy or (), trust), timeout=timeout)
+    folder = out / ("benchmark-full" if full else "benchmark")
     with progress_bar() as bar:
-        results = rl_vs_optimal.run(out, seconds=seconds, seed=seed, command=command_line(), bar=bar)
+        results = benchmark.run(
+            suite, folder, command=command_line(), bar=bar, only=only or (), jobs=jobs, backend=backend
+        )
+        work = bar.add_task("report", total=1, note="")
+        table = benchmark.scores(results)
+        write_text(out / f"{folder.name}.csv", table.to_csv(index=False))
+        page = report.write(out / "report.html", results, published("paper.json"))
+        bar.advance(work)
     titles = {
-        "scenario": "scenario",
+        "problem": "on",
         "agent": "agent",
         "success_rate": "success",
-        "steps": "steps",
-        "k_star": "K*",
         "gap": "gap",
-        "wall_time_s": "training [s]",
+        "gap_low": "from",
+        "gap_high": "to",
+        "learning_s": "learning [s]",
+        "error": "error",
     }
-    show(pd.DataFrame(results["scores"]), as_json, "Scores", titles)
-    messages.print(f"results and figures: {out.resolve()}")
+    show(table, as_json, "Scores: gap to K*, with its 95 % interval", titles)
+    messages.print(f"results: {out.resolve()}\nreport: {page.resolve()}", soft_wrap=True)
+    if any(cell.get("error") for cell in results["cells"]):
+        raise typer.Exit(1)
+
+
+@app.command(epilog="Example: flatquad report --out report.html")
+def report(
+    results: Annotated[
+        Path | None, typer.Option(help="A benchmark's JSON; by default your newest, else the published ones.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="The page to write.")] = RESULTS / "report.html",
+    as_json: AsJson = False,
+) -> None:
+    """Write one page of all results: leaderboard, gaps, learning curves, the paper's figures, and a ghost race."""
+    from experiments import benchmark, report
+    from experiments.readme import published
+
+    if results is not None and not results.exists():
+        raise ValueError(f"there is no {results}; `flatquad benchmark` writes one")
+    own = [results] if results else sorted(RESULTS.glob("benchmark*.json"), key=lambda path: -path.stat().st_mtime)
+    found = [data for path in own[:1] if (data := read_json(path)) is not None]
+    with progress_bar() as bar:
+        bar.add_task("report", total=None, note="")
+        shown = benchmark.merged(
+            *found, *(() if results else (published("benchmark.json"), published("learners.json")))
+        )
+        page = report.write(out, shown, published("paper.json"))
+    if as_json:
+        typer.echo(json.dumps({"report": str(page.resolve()), "bytes": page.stat().st_size}))
+    else:
+        messages.print(f"report: {page.resolve()}", soft_wrap=True)
 
 
 @app.command(epilog="Example: flatquad play hoop --speed 0.25; flatquad play slalom --video slalom.mp4")

@@ -13,16 +13,22 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from flatgym import OUTCOMES
 from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenario import Scenario
+from flatgym.task import fly_actions
+from optimal import Solution
 from optimal.export import write_text
 
 COLOURS = ("#0b6e99", "#d1603d", "#4f772d", "#7a4988")
 INK, OUTLINE, FAINT, FLAME = "#22303c", "#8b98a3", "#dfe4e8", "#e8a33d"
 ARM = 0.18
 """Half the width of the drawn quadrotor [m]."""
+FINE = 0.002
+"""Time between the drawn points of a flight [s]."""
 THRUST_LENGTH = 0.02
 """Length of the drawn thrust for each unit of it [m / (m/s^2)]."""
 
@@ -35,6 +41,23 @@ class Track:
     time: Array
     state: Array
     control: Array
+
+
+def optimal_track(solution: Solution) -> Track:
+    """Return the certified flight of a solution, finely sampled, to draw."""
+    assert solution.trajectory is not None
+    samples = solution.trajectory.sample(FINE)
+    return Track(f"optimum, T* = {solution.time:.4f} s", samples.time, samples.state, samples.control)
+
+
+def flown_track(scenario: Scenario, actions: NDArray[np.float32], name: str) -> Track:
+    """Return the flight of actions (K, 2), flown again, to draw."""
+    situations = fly_actions(scenario, actions)
+    states = np.array([situation.state[0] for situation in situations])
+    controls = scenario.quadrotor.control(np.append(actions, actions[-1:], axis=0))
+    time = np.linspace(0.0, scenario.dt * (len(states) - 1), len(states))
+    label = f"{name}, {len(states) - 1} steps: {OUTCOMES[situations[-1].outcome[0]]}"
+    return Track(label, time, states, controls[: len(states)])
 
 
 def layout(figure: go.Figure, title: str) -> go.Figure:

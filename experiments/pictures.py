@@ -21,8 +21,8 @@ from flatgym.reference import Reference, reference
 from optimal.export import write_text, write_whole
 
 Pixels = NDArray[np.uint8]
-AGENT, BEST = "hoop", "loop"
-"""The scenarios in motion: an agent's flight against the ghost of the best, and the best flight known."""
+AGENT, BEST, LEARNER = "hoop", "loop", "ppo"
+"""The scenarios in motion: an agent's flight against the ghost of the best, and the best flight known; the agent."""
 SIZE = (640, 480)
 """Width and height of an animation [px]."""
 FRAME, LAST = 40, 1600
@@ -63,18 +63,25 @@ def animate(path: Path, flight: Iterable[Pixels], size: tuple[int, int] = SIZE) 
 
 def flights(folder: Path, benchmark: dict[str, Any]) -> None:
     """Animate the agent's flight in a benchmark's results, and the best flight known of another scenario."""
-    agent = np.array(benchmark["flights"][AGENT]["ppo"], dtype=np.float32)
+    agent = np.array(learner(benchmark)["actions"], dtype=np.float32)
     animate(folder / f"{AGENT}.gif", frames(AGENT, agent, ghost=True))
     animate(folder / f"{BEST}.gif", frames(BEST, known(BEST).actions))
 
 
+def learner(benchmark: dict[str, Any]) -> dict[str, Any]:
+    """Return the cell of the agent that is shown."""
+    cells = benchmark["cells"]
+    found: dict[str, Any] = next(one for one in cells if (one["problem"], one["agent"]) == (AGENT, LEARNER))
+    return found
+
+
 def captions(benchmark: dict[str, Any]) -> str:
     """Return the animations side by side, each with what it shows."""
-    score = next(row for row in benchmark["scores"] if row["scenario"] == AGENT)
+    cell = learner(benchmark)
     fewest = {name: f"the fewest {'proven' if known(name).proven else 'known'}" for name in (AGENT, BEST)}
     gaps = len(SCENARIOS[BEST].hoops)
     words = {
-        AGENT: f"`{AGENT}`: {score['algorithm']} in {score['steps']:g} steps, against the ghost of a flight in "
+        AGENT: f"`{AGENT}`: {cell['algorithm']} in {len(cell['actions'])} steps, against the ghost of a flight in "
         f"{known(AGENT).k_star}, {fewest[AGENT]}",
         BEST: f"`{BEST}`: {gaps} gaps in their order, in {known(BEST).k_star} steps, {fewest[BEST]}",
     }
@@ -95,10 +102,9 @@ def stills(folder: Path, benchmark: dict[str, Any], paper: dict[str, Any]) -> No
     """Draw the still figures as SVG; needs the extra `figures` and a Chromium."""
     import optimal
     from experiments import figures, paper_figures
-    from experiments.rl_vs_optimal import agent_track, optimal_track
 
-    solution = optimal.solve(AGENT)
-    tracks = [optimal_track(solution), agent_track(benchmark, solution.scenario)]
+    solution, actions = optimal.solve(AGENT), np.array(learner(benchmark)["actions"], dtype=np.float32)
+    tracks = [figures.optimal_track(solution), figures.flown_track(solution.scenario, actions, "PPO")]
     chart = figures.paths(solution.scenario, tracks, f"{AGENT}: the optimum and an agent trained by PPO")
     write_text(folder / f"{AGENT}-paths.svg", chart.to_image("svg", width=1000, height=540).decode())
     for name in PAPER_FIGURES:

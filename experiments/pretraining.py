@@ -15,7 +15,6 @@ import itertools
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +24,13 @@ import torch
 from agents import policies
 from agents.advice import regulated, replanned
 from agents.analytic import AnalyticConfig, follow
-from agents.evaluate import evaluate, versions
+from agents.evaluate import evaluate
 from agents.experts import Expert
 from agents.imitation import DaggerConfig, Keeper, dagger, student
 from agents.schedules import Point
-from experiments.cli import progress_bar
-from experiments.files import SCHEMA, plain, write_json
+from experiments.files import plain, write_json
+from experiments.provenance import provenance
+from experiments.terminal import progress_bar
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.reference import reference
 from flatgym.scenario import Hoop, Scenario
@@ -51,8 +51,8 @@ COUNTS = {"random-goal": 200, "random-hoops": 150}
 """Flights of a round that the expert advises."""
 EPISODES = {"random-goal": 1000, "random-hoops": 300}
 """Flights by which a policy for a distribution is scored, unseen, of known K*."""
-GENERAL_MARGIN = 0.1
-"""How much narrower than they are drawn hoops are planned through [m]."""
+INNER = 0.5
+"""The share of a drawn hoop's width that is planned through: it costs two steps, and a learner may err."""
 STORE = Path("experiments/results/flights")
 """Where optimal flights of drawn scenarios are kept."""
 SECONDS = 600.0
@@ -64,13 +64,25 @@ def narrowed(scenario: Scenario, by: float) -> Scenario:
     return replace(scenario, hoops=tuple(replace(hoop, diameter=hoop.diameter - by) for hoop in scenario.hoops))
 
 
+def inner(scenario: Scenario, share: float) -> Scenario:
+    """Return a scenario whose hoops are a share of their width, between which its vehicle has to fit."""
+    least = 2 * scenario.quadrotor.radius
+    widths = (least + share * (hoop.diameter - least) for hoop in scenario.hoops)
+    hoops = (replace(hoop, diameter=width) for hoop, width in zip(scenario.hoops, widths, strict=True))
+    return replace(scenario, hoops=tuple(hoops))
+
+
+def narrower(scenario: Scenario) -> Scenario:
+    """Return a named scenario as its optimal flight is planned for a learner: clear of the rims and of the floor."""
+    easier = narrowed(scenario, MARGINS.get(scenario.name, 0.0))
+    return replace(easier, hoops=easier.hoops + GUIDES.get(scenario.name, ()))
+
+
 def teacher(scenario: Scenario) -> FewestSteps:
     """Return the flight to learn: as the scenario's optimal one, but clear of the rims."""
     known = reference(scenario)
     assert known is not None
-    easier = narrowed(scenario, MARGINS.get(scenario.name, 0.0))
-    easier = replace(easier, hoops=easier.hoops + GUIDES.get(scenario.name, ()))
-    return replace(fewest_steps(easier, windings=(known.winding,), time_budget=0.0), scenario=scenario)
+    return replace(fewest_steps(narrower(scenario), windings=(known.winding,), time_budget=0.0), scenario=scenario)
 
 
 def specialist(name: str, seed: int, out: Path, command: str) -> dict[str, Any]:
@@ -108,7 +120,7 @@ def generalist(name: str, seed: int, out: Path, command: str, jobs: int = -1) ->
     torch.set_num_threads(1)
     began, distribution = time.perf_counter(), DISTRIBUTIONS[name]
     config = replace(GENERAL, scenario=name, seed=seed)
-    drawn = [narrowed(distribution.scenario(i), GENERAL_MARGIN) for i in range(FLIGHTS[name])]
+    drawn = [inner(distribution.scenario(i), INNER) for i in range(FLIGHTS[name])]
     before = len(list(STORE.glob(f"{name}-*.json")))
     flights = fewest_steps_many(drawn, jobs=jobs, store=STORE)
     planned = time.perf_counter()
@@ -149,12 +161,8 @@ def card(
     **further: Any,
 ) -> dict[str, Any]:
     """Write and return what is to be known of a policy, as it stands in the file."""
-    words = {
-        "schema": SCHEMA,
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "command": command,
+    words = provenance(command) | {
         "seed": seed,
-        "versions": versions(),
         "configs": [{"kind": type(config).__name__} | asdict(config) for config in configs],
         "curve": curve,
         "score": score,

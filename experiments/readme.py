@@ -17,13 +17,13 @@ from agents.policies import PRETRAINED
 from experiments import learner_table, pictures
 from experiments.env_table import environments
 from experiments.files import SCHEMA
-from experiments.tables import optima, paper, roads, scores
+from experiments.tables import optima, paper, roads
 from optimal.export import write_text
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "experiments" / "results"
 PUBLISHED = RESULTS / "published"
-FILES = ("benchmark.json", "scores.csv", "paper.json", "solvers.json", "envs.json", "demos.json", "learners.json")
+FILES = ("benchmark.json", "benchmark.csv", "paper.json", "solvers.json", "envs.json", "demos.json", "learners.json")
 
 
 def published(name: str) -> Any:
@@ -39,7 +39,7 @@ def blocks() -> dict[str, str]:
     """Return the generated parts of the README by name."""
     return {
         "flights": pictures.captions(published("benchmark.json")),
-        "scores": scores(published("benchmark.json")),
+        "scores": learner_table.scores(published("benchmark.json")),
         "paper": paper(published("paper.json")),
         "optima": optima(published("solvers.json")),
         "roads": roads(published("solvers.json")),

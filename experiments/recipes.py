@@ -3,16 +3,16 @@
     RECIPES["dagger"](Lesson("hoop", seed=0, folder=Path("runs")))    # -> Made: the policy, and what it cost
     EXPERTS["tape"](Lesson("random-goal", seed=0, folder=Path("runs")))
 
-On the scenario the expert is the regulator about one optimal flight, planned `CLEAR` narrower than the hoop is: in as
-many steps, but far from the rim, so that who errs a little still flies through. On the distribution every flight has
-its own plan. All recipes that imitate see the same flights, planned once.
+On the scenario the expert is the regulator about one optimal flight, planned through hoops narrower than they are, so
+that who errs a little still flies through (`experiments.pretraining`). On the distribution every flight has its own
+plan. All recipes that imitate see the same flights, planned once.
 """
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
+from agents import policies
 from agents.advice import regulated, replanned
 from agents.cascade import Cascade
 from agents.configs import Config, PPOConfig, SACConfig
@@ -32,7 +33,7 @@ from agents.replanner import Replanner
 from agents.schedules import CHECK_SEED, Point
 from agents.train import Training, load, train
 from experiments.files import write_json
-from experiments.pretraining import narrowed
+from experiments.pretraining import INNER, inner, narrower, teacher
 from flatgym import catalogue
 from flatgym.distributions import Distribution
 from flatgym.reference import EVALUATION_SEED, reference
@@ -40,8 +41,6 @@ from flatgym.scenario import Scenario
 from optimal.batch import fewest_steps_many
 from optimal.steps import FewestSteps, fewest_steps
 
-CLEAR = 0.3
-"""How much narrower than it is the hoop is planned through [m]; on `hoop` that costs no step."""
 BATCH = 250
 """Flights planned at once; what a killed run has planned of a batch is kept, but its time is not."""
 
@@ -88,7 +87,7 @@ class Sizes:
 
 
 FULL = Sizes()
-QUICK = Sizes(
+TINY = Sizes(
     seconds=4.0,
     tuning_s=4.0,
     ppo_steps=33_000,
@@ -186,21 +185,16 @@ class Each:
 
 
 class Counted:
-    """An adviser that counts: the steps learners flew, and those for which advice was given.
+    """An adviser that counts: the steps learners flew, and those for which it gave advice."""
 
-    Args:
-        adviser: it.
-        copies: how often it shows the same, mirrored.
-    """
-
-    def __init__(self, adviser: Adviser, copies: int = 1) -> None:
-        self.adviser, self.copies = adviser, copies
+    def __init__(self, adviser: Adviser) -> None:
+        self.adviser = adviser
         self.env_steps = self.expert_steps = 0
 
     def __call__(self, learner: PPO | None, number: int) -> Shown:
         """Return the advice of a round."""
         shown = self.adviser(learner, number)
-        self.expert_steps += len(shown.actions) // self.copies
+        self.expert_steps += shown.asked
         self.env_steps += shown.flown
         return shown
 
@@ -209,15 +203,10 @@ class Counted:
         point.update(env_steps=self.env_steps, expert_steps=self.expert_steps)
 
 
-def clear_flight(scenario: Scenario) -> FewestSteps:
-    """Return the optimal flight through a scenario whose hoops are narrower, as one through the scenario."""
-    return replace(fewest_steps(narrowed(scenario, CLEAR), time_budget=0.0), scenario=scenario)
-
-
-def plans(lesson: Lesson, first: int, count: int) -> tuple[list[FewestSteps], float]:
+def plans(lesson: Lesson, first: int, count: int, share: float = INNER) -> tuple[list[FewestSteps], float]:
     """Return optimal flights of `count` drawn scenarios from seed `first` on, and the time their planning took [s].
 
-    They are planned once, on all cores; a file beside them says how long it took.
+    They are planned once, on all cores, through that share of their hoops; a file beside them says how long it took.
     """
     flights, taken, target = [], 0.0, lesson.target
     assert isinstance(target, Distribution)
@@ -226,7 +215,8 @@ def plans(lesson: Lesson, first: int, count: int) -> tuple[list[FewestSteps], fl
         seeds = range(begin, min(begin + BATCH, first + count))
         record = lesson.folder / f"planned-{lesson.problem}-{seeds.start}-{seeds.stop}.json"
         jobs, begun = 1 if record.exists() else -1, time.perf_counter()
-        flights += fewest_steps_many([target.scenario(i) for i in seeds], jobs=jobs, store=store, progress=False)
+        drawn = [inner(target.scenario(i), share) for i in seeds]
+        flights += fewest_steps_many(drawn, jobs=jobs, store=store, progress=False)
         if not record.exists():
             write_json(record, {"planning_s": time.perf_counter() - begun})
         taken += json.loads(record.read_text(encoding="utf-8"))["planning_s"]
@@ -236,14 +226,21 @@ def plans(lesson: Lesson, first: int, count: int) -> tuple[list[FewestSteps], fl
     return flights, taken
 
 
-def prepare(lesson: Lesson) -> float:
-    """Plan all flights of a distribution that recipes ask for; return K* of its checks, the mean of its flights."""
+def prepare(lesson: Lesson, agents: Collection[str]) -> float:
+    """Plan what some agents need to begin; return K* of a problem's checks: on a distribution the mean of its flights'.
+
+    Args:
+        lesson: whose problem and sizes count.
+        agents: who is going to be made.
+    """
     sizes = lesson.sizes
     if not lesson.drawn:
-        return float(fewest_steps(lesson.problem, time_budget=0.0).steps)
-    for first, count in ((0, sizes.planned), (EVALUATION_SEED, sizes.disturbed)):
-        plans(lesson, first, count)
-    checked, _ = plans(lesson, CHECK_SEED, sizes.check_episodes)
+        return best_known(lesson)
+    if not IMITATORS.isdisjoint(agents):
+        plans(lesson, 0, sizes.planned)
+    if not PILOTS.isdisjoint(agents):
+        plans(lesson, EVALUATION_SEED, sizes.disturbed)
+    checked, _ = plans(lesson, CHECK_SEED, sizes.check_episodes, share=1.0)
     return float(np.mean([flight.steps for flight in checked]))
 
 
@@ -257,11 +254,11 @@ def school(lesson: Lesson, flights: int) -> tuple[Counted, float]:
     sizes, target = lesson.sizes, lesson.target
     if isinstance(target, Scenario):
         begun = time.perf_counter()
-        adviser = regulated(Expert(clear_flight(target), late=1), target, flights=flights, seed=lesson.seed)
+        adviser = regulated(Expert(teacher(target), late=1), target, flights=flights, seed=lesson.seed)
         return Counted(adviser), time.perf_counter() - begun
     known, taken = plans(lesson, 0, sizes.planned)
     adviser = replanned(known, target, count=sizes.count, every=sizes.every, ahead=sizes.ahead, jobs=1)
-    return Counted(adviser, copies=2), taken
+    return Counted(adviser), taken
 
 
 def fitting(lesson: Lesson, updates: int) -> dict[str, Any]:
@@ -297,7 +294,7 @@ def advised(lesson: Lesson) -> Made:
 
 
 def best_known(lesson: Lesson) -> int:
-    """Return K*, where training may stop, of a scenario; 0 on a distribution, where it may not."""
+    """Return K* of a scenario, where training may stop; 0 of a distribution, where it may not."""
     known = reference(lesson.problem)
     return 0 if known is None else known.k_star
 
@@ -367,7 +364,7 @@ def pilots(lesson: Lesson, kind: Callable[[FewestSteps], Policy]) -> tuple[Polic
     """Return a policy of a kind for each flight of a score, and the time the planning took [s]."""
     if isinstance(lesson.target, Scenario):
         begun = time.perf_counter()
-        return kind(clear_flight(lesson.target)), time.perf_counter() - begun
+        return kind(teacher(lesson.target)), time.perf_counter() - begun
     flights, taken = plans(lesson, EVALUATION_SEED, lesson.sizes.disturbed)
     return Each([kind(flight) for flight in flights]), taken
 
@@ -393,13 +390,21 @@ def grazing(lesson: Lesson) -> Made:
 def replanner(lesson: Lesson) -> Made:
     """The expert that plans anew at every step, through the narrower hoop."""
     assert isinstance(lesson.target, Scenario)
-    flight = fewest_steps(narrowed(lesson.target, CLEAR), time_budget=0.0)
+    flight = fewest_steps(narrower(lesson.target), time_budget=0.0)
     return Made(Each([Replanner(flight) for _ in range(lesson.sizes.replanned)]), "replanning at every step")
 
 
 def cascade(lesson: Lesson) -> Made:
     """The cascaded PD controller."""
     return Made(Cascade(lesson.target.quadrotor), "cascaded PD")
+
+
+def pretrained(lesson: Lesson) -> Made:
+    """The policy that came with the package; its card says what it cost."""
+    card = json.loads((policies.PRETRAINED / f"{lesson.problem}.json").read_text(encoding="utf-8"))
+    score = card["score"]
+    spent = score["env_steps"] or 0, 0, score["wall_time_s"]
+    return Made(policies.pretrained(lesson.problem), score["algorithm"], (), (), *spent)
 
 
 Recipe = Callable[[Lesson], Made]
@@ -409,9 +414,12 @@ EXPERTS: dict[str, Recipe] = {
     "expert": expert,
     "tape": tape,
     "pd": cascade,
+    "pretrained": pretrained,
     "expert-rim": grazing,
     "replanner": replanner,
 }
 """What knows how to fly already, and knows no seed."""
 ONLY_SCENARIOS = ("expert-rim", "replanner")
 """Those that are flown on scenarios only."""
+IMITATORS, PILOTS = {"bc", "dagger", "bc-ppo"}, {"expert", "tape"}
+"""Those that on a distribution learn from planned flights, and those that fly plans of their own."""

@@ -1,6 +1,5 @@
 """The README's tables, written from published results files.
 
-    scores      benchmark.json    how far from the optimum agents fly
     paper       paper.json        what became of the paper's times
     optima      solvers.json      what is known of each named scenario
     roads       solvers.json      how right, robust and fast the solvers are
@@ -24,33 +23,6 @@ def markdown(head: list[str], rows: list[list[str]]) -> str:
     """Return a table in Markdown, all columns but the first aligned to the right."""
     lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def scores(benchmark: dict[str, Any]) -> str:
-    """Return the score table and how it came about."""
-    times = {row["scenario"]: row["time_s"] for row in benchmark["solutions"]}
-    rows = [
-        [
-            row["scenario"],
-            f"{times[row['scenario']]:.4f}",
-            str(row["k_star"]),
-            row["algorithm"],
-            f"{row['success_rate']:.0%}",
-            "-" if row["steps"] is None else f"{row['steps']:g}",
-            "-" if row["gap"] is None else f"{row['gap']:+.1%}",
-            f"{row['env_steps'] / 1e6:.1f} M",
-            f"{row['wall_time_s']:.0f}",
-        ]
-        for row in benchmark["scores"]
-    ]
-    head = ["scenario", "T* [s]", "K*", "agent", "success", "steps", "gap to K*", "env steps", "training [s]"]
-    used = benchmark["versions"]
-    note = (
-        f"`{benchmark['command']}` on {benchmark['machine']['cores']} cores, {benchmark['date'][:10]}, seed "
-        f"{benchmark['scores'][0]['seed']}; flatgym {used['flatgym']}, stable-baselines3 "
-        f"{used['stable-baselines3']}, torch {used['torch']}."
-    )
-    return markdown(head, rows) + "\n\n" + note
 
 
 def paper(results: dict[str, Any]) -> str:

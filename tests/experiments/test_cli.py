@@ -12,7 +12,7 @@ from experiments import cli
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.reference import reference
 
-COMMANDS = ("list", "solve", "paper", "demos", "train", "evaluate", "benchmark")
+COMMANDS = ("list", "solve", "paper", "demos", "train", "evaluate", "benchmark", "report")
 
 
 def flatquad(monkeypatch, capsys, *arguments):

@@ -99,4 +99,41 @@ def test_bad_arguments_are_named(monkeypatch, capsys, arguments, words):
 def test_help_has_an_example():
     result = CliRunner().invoke(cli.app, ["evaluate", "--help"])
     assert result.exit_code == 0
-    assert "flatquad evaluate --pretrained hoop" in result.output
+    assert "flatquad evaluate --pretrained hoop" in " ".join(result.output.split())
+
+
+def test_a_policy_of_ones_own_is_scored_and_drawn_beside_ours(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_flatquad_agent.py").write_text(
+        "from agents.cascade import Cascade\nfrom flatgym import Quadrotor\n\n\n"
+        "class Mine:\n    def predict(self, seen):\n        return Cascade(Quadrotor()).predict(seen)[0]\n"
+    )
+    status, out, err = evaluate(
+        monkeypatch, capsys, "my_flatquad_agent:Mine", "--scenario", "climb", "--report", "mine.html", "--json"
+    )
+    (row,) = json.loads(out)
+    assert status == 0, err
+    assert (row["agent"], row["scenario"], row["success_rate"]) == ("Mine", "climb", 1)
+    assert str(tmp_path / "mine.html") in err
+    cells = {cell["agent"]: cell for cell in json.loads((tmp_path / "mine.json").read_text())["cells"]}
+    assert set(cells) == {"Mine", "pretrained", "expert", "tape", "pd"}
+    assert cells["Mine"]["flights"]["calm"]["steps"] == cells["pd"]["flights"]["calm"]["steps"] == [row["steps"]]
+    assert "Mine" in (tmp_path / "mine.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("return 1 / 0", "PolicyFailed: hostile:policy failed: ZeroDivisionError: division by zero"),
+        ("return observation[:, :3]", "hostile:policy returned actions of shape (100, 3)"),
+        ("return observation[:, :2] * float('nan')", "must be finite"),
+        ("while True: pass", "no answer within 5 s; --timeout grants more"),
+        ("import os; os._exit(3)", "ended without an answer, with exit code 3"),
+    ],
+)
+def test_a_policy_that_misbehaves_is_told_of(monkeypatch, capsys, tmp_path, body, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "hostile.py").write_text(f"def policy(observation):\n    {body}\n")
+    status, out, err = evaluate(monkeypatch, capsys, "hostile:policy", "--scenario", "climb", "--timeout", "5")
+    assert (status, out) == (2, "")
+    assert words in err

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from experiments import pictures
-from experiments.pictures import AGENT, BEST, FRAME, LAST, SIZE, animate, captions, frames
+from experiments.pictures import AGENT, BEST, FRAME, LAST, SIZE, animate, captions, frames, learner
 from experiments.readme import PUBLISHED, published
 from flatgym.reference import reference
 
@@ -51,14 +51,14 @@ def test_both_flights_are_drawn_from_the_results(monkeypatch, tmp_path):
     monkeypatch.setattr(pictures, "animate", lambda path, flight: drawn.update({path.name: flight}))
     benchmark = published("benchmark.json")
     pictures.flights(tmp_path, benchmark)
-    steps = len(benchmark["flights"][AGENT]["ppo"])
+    steps = len(learner(benchmark)["actions"])
     assert drawn == {f"{AGENT}.gif": (AGENT, steps, True), f"{BEST}.gif": (BEST, reference(BEST).k_star, False)}
 
 
 def test_captions_tell_the_steps_of_what_is_seen():
     text = captions(published("benchmark.json"))
     for name, steps in {
-        AGENT: len(published("benchmark.json")["flights"][AGENT]["ppo"]),
+        AGENT: len(learner(published("benchmark.json"))["actions"]),
         BEST: reference(BEST).k_star,
     }.items():
         assert f"in {steps} steps" in text

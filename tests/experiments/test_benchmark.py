@@ -1,4 +1,4 @@
-"""The study of the learners at small size: cells are made once, say what was flown, and one failure ends no other."""
+"""The benchmark at small size: cells are made once, say what was flown, and one failure ends no other."""
 
 import json
 from dataclasses import replace
@@ -9,17 +9,20 @@ import pytest
 from agents.evaluate import FasterThanOptimal, fly
 from agents.experts import Tape
 from agents.imitation import DaggerConfig, student
-from experiments import learners, recipes
+from experiments import benchmark, learners, recipes
+from experiments.benchmark import CONDITIONS, SUITES, Cell, can_fly, make
 from experiments.files import write_json
 from experiments.learner_table import learners as table
-from experiments.learners import CONDITIONS, PROBLEMS, Cell, cells, main, run
-from experiments.pretraining import narrowed
-from experiments.recipes import CLEAR, EXPERTS, LEARNERS, ONLY_SCENARIOS, QUICK, Each, Lesson, clear_flight, plans
+from experiments.learners import main
+from experiments.pretraining import narrower, teacher
+from experiments.recipes import EXPERTS, LEARNERS, ONLY_SCENARIOS, Each, Lesson, plans
 from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS
 from flatgym.reference import EVALUATION_SEED, drawn_k_star, reference
 from flatgym.task import fly_actions
 
-TINY = replace(QUICK, planned=3, ppo_steps=100, tuning_steps=100, tuning_s=0.1, updates=(5, 5), shown=2, goals=3)
+TINY = replace(
+    recipes.TINY, planned=3, ppo_steps=100, tuning_steps=100, tuning_s=30.0, updates=(5, 5), shown=2, goals=3
+)
 ASKED = ("hoop/bc-ppo", "hoop/tape", "hoop/expert", "hoop/pd")
 
 
@@ -28,7 +31,7 @@ def study(tmp_path_factory):
     """A small study that has run: the folder of its results, and what `main` returned."""
     out = tmp_path_factory.mktemp("study") / "mine.json"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(learners, "QUICK", TINY)
+        patch.setattr(learners, "TINY", TINY)
         code = main(["--quick", "--jobs", "1", "--seeds", "1", "--out", str(out), "--only", *ASKED])
     assert code == 0
     return out
@@ -43,24 +46,30 @@ def lesson(tmp_path_factory):
     return Lesson("random-goal", 0, folder, TINY)
 
 
-def test_a_study_has_all_agents_on_all_problems():
-    found = cells(3)
-    assert len(set(found)) == len(found)
-    for problem in PROBLEMS:
-        for agent in LEARNERS:
-            assert [cell.seed for cell in found if (cell.problem, cell.agent) == (problem, agent)] == [0, 1, 2]
-    assert {cell.agent for cell in found if cell.problem == "hoop"} == {*LEARNERS, *EXPERTS}
-    assert not {cell.agent for cell in found if cell.problem == "random-goal"} & {*ONLY_SCENARIOS}
+def test_suites_have_every_agent_on_every_problem_it_can_fly():
+    for suite in (SUITES["study"], SUITES["full"]):
+        found = suite.cells()
+        assert len(set(found)) == len(found)
+        for problem in suite.agents:
+            for agent in LEARNERS:
+                assert [cell.seed for cell in found if (cell.problem, cell.agent) == (problem, agent)] == [0, 1, 2]
+            drawn = problem in DISTRIBUTIONS
+            left_out = ({*ONLY_SCENARIOS} if drawn else set()) | ({"pretrained"} if suite.name == "study" else set())
+            assert {cell.agent for cell in found if cell.problem == problem} == {*LEARNERS, *EXPERTS} - left_out
+    assert set(SUITES["full"].agents) == {*SCENARIOS, *DISTRIBUTIONS}
+    for problem, agents in SUITES["quick"].agents.items():
+        assert all(can_fly(agent, problem) for agent in agents)
 
 
 def test_what_one_begins_with_comes_with_it():
-    assert [cell.agent for cell in cells(1, ["hoop/bc-ppo"])] == ["bc", "bc-ppo"]
-    assert cells(2, ["hoop", "random-goal"]) == cells(2)
+    suite = replace(SUITES["study"], seeds=1)
+    assert [cell.agent for cell in suite.cells(["hoop/bc-ppo"])] == ["bc", "bc-ppo"]
+    assert suite.cells(["hoop", "random-goal"]) == suite.cells()
 
 
 def test_unknown_cells_are_named(capsys):
     with pytest.raises(ValueError, match=r"unknown cells hop/ppo; known: hoop, hoop/bc, hoop/bc-ppo"):
-        cells(1, ["hop/ppo"])
+        SUITES["study"].cells(["hop/ppo"])
     with pytest.raises(SystemExit, match="2"):
         main(["--only", "hop/ppo"])
     assert "unknown cells hop/ppo" in capsys.readouterr().err
@@ -72,7 +81,8 @@ def test_every_cell_says_what_was_flown(study):
     assert results["quick"]
     for cell in results["cells"]:
         assert list(cell["flights"]) == list(CONDITIONS)
-        assert f"--only hoop/{cell['agent']}" in cell["command"]
+        flown = fly_actions(SCENARIOS["hoop"], np.array(cell["actions"], dtype=np.float32))
+        assert [OUTCOMES[flown[-1].outcome[0]]] == list(cell["flights"]["calm"]["outcomes"])
         for name, flown in cell["flights"].items():
             assert len(flown["steps"]) == (1 if name == "calm" else TINY.disturbed)
             assert flown["outcomes"].get("goal", 0) == sum(steps is not None for steps in flown["steps"])
@@ -96,8 +106,8 @@ def test_the_tables_can_be_written_from_it(study):
 def test_what_is_done_is_not_done_again(study, monkeypatch):
     folder = study.with_suffix("")
     before = {path: path.read_bytes() for path in folder.glob("hoop-*")}
-    monkeypatch.setattr(learners, "run", lambda *_: pytest.fail("a cell was made again"))
-    monkeypatch.setattr(learners, "QUICK", TINY)
+    monkeypatch.setattr(benchmark, "make", lambda *_: pytest.fail("a cell was made again"))
+    monkeypatch.setattr(learners, "TINY", TINY)
     assert main(["--quick", "--jobs", "1", "--seeds", "1", "--out", str(study), "--only", *ASKED]) == 0
     assert {path: path.read_bytes() for path in folder.glob("hoop-*")} == before
 
@@ -107,11 +117,17 @@ def test_a_failure_is_told_and_ends_no_other(tmp_path, monkeypatch, capsys):
         raise RuntimeError("no wind tunnel")
 
     monkeypatch.setitem(EXPERTS, "expert", broken)
-    monkeypatch.setattr(learners, "QUICK", TINY)
+    monkeypatch.setattr(learners, "TINY", TINY)
     out = tmp_path / "mine.json"
     assert main(["--quick", "--jobs", "1", "--out", str(out), "--only", "hoop/expert", "hoop/pd"]) == 1
     assert "hoop/expert/0: RuntimeError: no wind tunnel" in capsys.readouterr().out
-    assert [cell["agent"] for cell in json.loads(out.read_text())["cells"]] == ["pd"]
+    broken, sound = json.loads(out.read_text())["cells"]
+    assert (broken["agent"], broken["error"], broken["flights"]) == ("expert", "RuntimeError: no wind tunnel", {})
+    assert sound["agent"] == "pd"
+    monkeypatch.undo()
+    monkeypatch.setattr(learners, "TINY", TINY)
+    assert main(["--quick", "--jobs", "1", "--out", str(out), "--only", "hoop/expert", "hoop/pd"]) == 0
+    assert not any(cell.get("error") for cell in json.loads(out.read_text())["cells"])
 
 
 def test_a_flight_faster_than_optimal_leaves_its_evidence(tmp_path, monkeypatch):
@@ -120,17 +136,18 @@ def test_a_flight_faster_than_optimal_leaves_its_evidence(tmp_path, monkeypatch)
     def fast(*_):
         raise FasterThanOptimal(SCENARIOS["hoop"], 70, actions, np.zeros((4, 5)))
 
-    monkeypatch.setattr(learners, "flown", fast)
-    assert "was flown in 3 steps, fewer than K* = 70" in run(Cell("hoop", "pd", 0), tmp_path, TINY)
+    monkeypatch.setattr(benchmark, "flown", fast)
+    cell = Cell("hoop", "pd", 0)
+    make(cell, tmp_path, TINY)
+    assert "was flown in 3 steps, fewer than K* = 70" in cell.read(tmp_path)["error"]
     evidence = json.loads((tmp_path / "hoop-pd-0.faster.json").read_text())
     assert (evidence["actions"], evidence["k_star"]) == (actions.tolist(), 70)
-    assert not (tmp_path / "hoop-pd-0.json").exists()
 
 
-def test_the_clear_flight_takes_no_step_more_and_clears_the_rim():
-    flight, known = clear_flight(SCENARIOS["hoop"]), reference("hoop")
+def test_the_flight_that_is_taught_takes_no_step_more_and_clears_the_rim():
+    flight, known = teacher(SCENARIOS["hoop"]), reference("hoop")
     assert flight.steps == known.k_star
-    for scenario in (SCENARIOS["hoop"], narrowed(SCENARIOS["hoop"], CLEAR)):
+    for scenario in (SCENARIOS["hoop"], narrower(SCENARIOS["hoop"])):
         assert OUTCOMES[fly_actions(scenario, flight.actions)[-1].outcome[0]] == "goal"
 
 
@@ -143,14 +160,14 @@ def test_each_flies_his_own_flight(lesson):
     assert flown.steps.tolist() == k_star.tolist()
 
 
-@pytest.mark.parametrize("problem", PROBLEMS)
+@pytest.mark.parametrize("problem", list(SUITES["study"].agents))
 def test_steps_flown_and_shown_are_counted(lesson, problem):
     taught = replace(lesson, problem=problem)
     adviser, _ = recipes.school(taught, 2)
     shown = adviser(None, 0)
     if problem == "random-goal":
         assert adviser.expert_steps == sum(flight.steps for flight in plans(taught, 0, TINY.planned)[0])
-        assert len(shown.actions) == 2 * adviser.expert_steps
+        assert len(shown.actions) == 4 * adviser.expert_steps  # mirrored, and backwards in time
     else:
         assert adviser.expert_steps == len(shown.actions)
     assert adviser.env_steps == 0

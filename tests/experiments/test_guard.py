@@ -1,0 +1,33 @@
+"""Foreign code may answer, fail, hang or crash: whoever asked is told, in time."""
+
+import time
+
+import pytest
+
+from experiments.guard import Failed, guarded
+
+
+def test_an_answer_comes_back():
+    assert guarded("builtins:divmod", 17, 5, seconds=60) == [3, 2]
+
+
+def test_an_error_comes_back():
+    with pytest.raises(Failed, match="ValueError: invalid literal"):
+        guarded("builtins:int", "seventeen", seconds=60)
+
+
+def test_who_hangs_is_stopped():
+    begun = time.perf_counter()
+    with pytest.raises(Failed, match=r"no answer within 0\.5 s; --timeout grants more"):
+        guarded("time:sleep", 600, seconds=0.5)
+    assert time.perf_counter() - begun < 100
+
+
+def test_who_ends_his_process_is_told_of():
+    with pytest.raises(Failed, match="ended without an answer, with exit code 7"):
+        guarded("os:_exit", 7, seconds=60)
+
+
+def test_what_is_printed_does_not_mix_with_the_answer(capfd):
+    assert guarded("builtins:print", "hello", seconds=60) is None
+    assert capfd.readouterr().out == ""

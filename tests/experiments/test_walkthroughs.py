@@ -1,0 +1,149 @@
+"""The walk-throughs run from top to bottom, and what they tell obeys the laws of the benchmark.
+
+They are scripts of cells, so a test runs one as its reader does, in a folder of its own, and looks at the names that
+it leaves behind.
+"""
+
+import json
+import math
+import re
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from agents import policies
+from experiments import walkthroughs
+from experiments.figures import Track
+from experiments.walkthroughs.tracks import flown
+from flatgym import SCENARIOS
+from flatgym.reference import reference
+from optimal.certificate import AGREEMENT, TOLERANCE
+
+NAMES = ("control", "imitation", "reinforcement")
+SOURCES = {name: Path(walkthroughs.__path__[0], f"{name}.py").read_text(encoding="utf-8") for name in NAMES}
+RESULTS = Path("experiments/results/walkthroughs")
+
+
+@pytest.fixture(scope="module")
+def left(tmp_path_factory):
+    """Run a walk-through at small size, once; return the names it leaves, its folder and what it prints."""
+    known = {}
+
+    def run(name, capsys):
+        if name not in known:
+            folder, threads = tmp_path_factory.mktemp(name), torch.get_num_threads()
+            with pytest.MonkeyPatch.context() as patch:
+                patch.chdir(folder)
+                patch.setattr("sys.argv", [name, "--quick"])
+                patch.setenv("MINARI_DATASETS_PATH", str(folder / "minari"))
+                names = runpy.run_module(f"experiments.walkthroughs.{name}", run_name="__main__")
+            torch.set_num_threads(threads)
+            known[name] = names, folder / RESULTS / name, capsys.readouterr().out
+        return known[name]
+
+    return run
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_reads_as_a_notebook(name):
+    cells = re.split(r"^# %%", SOURCES[name], flags=re.MULTILINE)
+    assert cells[0] == ""
+    prose = [cell for cell in cells[1:] if cell.startswith(" [markdown]\n")]
+    code = [cell for cell in cells[1:] if cell.startswith("\n")]
+    assert len(prose) + len(code) == len(cells) - 1
+    assert all(line.startswith("#") for cell in prose for line in cell.strip().splitlines()[1:] if line)
+    assert prose[0].splitlines()[1].startswith("# # ")
+    assert all(cell.splitlines()[1].startswith("# ## ") for cell in prose[1:])
+    for cell in code:
+        compile(cell, name, "exec")  # a cell runs alone: no block goes on in the next
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_ends_with_pictures_and_a_sentence(left, name, capsys):
+    names, folder, printed = left(name, capsys)
+    assert printed.splitlines()[-1] == names["learnt"]
+    assert re.search(r"\d", names["learnt"])
+    assert "nan" not in names["learnt"]
+    for page in ("paths.html", "plotly.min.js"):
+        assert (folder / page).stat().st_size > 1000
+    assert all(isinstance(track, Track) for track in names["tracks"])
+
+
+def test_no_number_of_a_result_is_typed():
+    for name, source in SOURCES.items():
+        said = "".join(line for line in source.splitlines(keepends=True) if line.startswith("# ") and "%%" not in line)
+        assert not re.search(r"\d+\.\d|\d %", said), name
+
+
+def test_control_solves_certifies_and_proves(left, capsys):
+    names, folder, _ = left("control", capsys)
+    solution, proof, best = names["solution"], names["proof"], names["best"]
+    certificate = solution.certificate
+    assert certificate.max_control_violation <= TOLERANCE
+    assert certificate.max_path_violation <= TOLERANCE
+    assert max(certificate.replay_error, certificate.terminal_error) <= AGREEMENT
+    assert certificate.hoop_clearance >= -TOLERANCE
+    assert names["passes"].holds()
+    assert not names["misses"].holds()
+    assert 0 < proof.time <= solution.time
+    assert proof.check()
+    assert names["info"]["outcome"] == "goal"
+    assert best.lower_bound <= best.steps == names["info"]["steps"]
+    table = pd.read_csv(folder / "window.csv")
+    assert table["t_s"].iloc[-1] == solution.time
+    np.testing.assert_allclose(table[["x_m", "z_m"]].iloc[-1], solution.scenario.goal, atol=AGREEMENT)
+
+
+def test_control_compares_roads_that_agree_and_a_hoop_is_never_free(left, capsys):
+    names, _, _ = left("control", capsys)
+    open_air = names["roads"].set_index(["scenario", "method"])["time_s"]["open-air"]
+    assert set(open_air.index) == {"shooting", "flat", "pontryagin"}
+    assert open_air["pontryagin"] == pytest.approx(open_air["shooting"], rel=1e-3)
+    assert open_air["shooting"] / (1 + 1e-3) <= open_air["flat"] <= 1.02 * open_air["shooting"]
+    assert names["solution"].time > open_air.min()
+
+
+def test_imitation_records_what_replays_and_saves_what_loads(left, capsys):
+    names, folder, _ = left("imitation", capsys)
+    assert {(one.outcome, one.steps - one.k_star) for one in names["replays"]} == {("goal", 0)}
+    assert names["k_star"] == reference(names["NAME"]).k_star
+    assert len(names["shown"].actions) == names["dataset"].total_steps
+    for file, model in (("cloned.zip", "cloned"), ("advised.zip", "advised")):
+        loaded = policies.load(folder / file, trust=True)
+        actions = [one.predict(names["shown"].observations, deterministic=True)[0] for one in (loaded, names[model])]
+        np.testing.assert_array_equal(*actions)
+
+
+def test_imitation_scores_nobody_better_than_the_expert(left, capsys):
+    table = left("imitation", capsys)[0]["table"].set_index("agent")
+    assert table.loc["expert", "gap"] == 0
+    assert (table["gap"].dropna() >= 0).all()
+    assert (table["gap"].isna() == (table["success"] == 0)).all()
+    assert table["success in wind"].between(0, 1).all()
+
+
+def test_reinforcement_scores_against_k_star(left, capsys):
+    names, folder, _ = left("reinforcement", capsys)
+    scores = names["scores"].set_index("agent")
+    assert (scores["k_star"] == names["best"].k_star).all()
+    assert scores.loc["pretrained", "success_rate"] == 1
+    for gap, success in zip(scores["gap"], scores["success_rate"], strict=True):
+        assert gap >= 0 if success else math.isnan(gap)
+    assert len(names["tracks"][0].time) - 1 == names["best"].k_star
+    assert json.loads((folder / "ppo" / "config.json").read_text())["scenario"] == names["NAME"]
+
+
+def test_a_flight_drawn_is_the_flight_flown():
+    best = reference("hoop")
+    track = flown("K*", SCENARIOS["hoop"], best.actions)
+    assert track.name == f"K*, {best.k_star} steps: goal"
+    assert len(track.time) == len(track.state) == len(track.control) == best.k_star + 1
+    np.testing.assert_allclose(
+        SCENARIOS["hoop"].quadrotor.step(track.state[:-1], track.control[:-1], 0.02), track.state[1:], atol=1e-9
+    )
+    further = flown("on", SCENARIOS["hoop"], np.append(best.actions, best.actions[-1:], axis=0))
+    assert len(further.time) - 1 >= best.k_star
