@@ -2,7 +2,8 @@
 
 On one scenario the expert is the regulator about its optimal flight, and advises at every step. On a distribution
 every flight has another optimum: there the expert plans anew from states that the learner came to, and what it would
-have flown from them is shown.
+have flown from them is shown. Who has missed a hoop or overshot the goal is too far from any plan; how to come back is
+shown by the cascaded controller, which is slow but gets there.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
+from agents.cascade import Cascade
 from agents.evaluate import fly
 from agents.experts import Expert, tolerances
 from agents.imitation import Adviser, Shown, joined, mirrored
@@ -30,6 +32,8 @@ from optimal.steps import FewestSteps, judged
 
 SCATTER = tolerances(Tolerance())
 """Standard deviations by which starts are scattered, times `scatter` [m, m, m/s, m/s, rad]: the tolerance's."""
+THIRD = 3
+"""Of the states from which a learner is to come back, one in so many is shown."""
 ASTRAY = 30.0
 """How far from the expert's flight, in tolerances, a learner's flight is given up."""
 
@@ -102,11 +106,13 @@ def replanned(
     def one(number: int, states: Array, actions: NDArray[np.float32]) -> list[Shown]:
         flight, scenario = flights[number], scenarios[number]
         passed, last = hoops_along(scenario, states, actions), min(len(flight.actions) + extra, len(states) - 1)
-        plans = continuations(flight, states[:last], passed[:last], every, scenario)
-        return [
+        plans = list(continuations(flight, states[:last], passed[:last], every, scenario))
+        shown = [
             seen_along(scenario, plan.states[: ahead + 1], plan.actions[:ahead], plan.step, plan.hoops_passed)
             for plan in plans
         ]
+        lost = min(last, (plans[-1].step if plans else 0) + every)
+        return [*shown, brought_back(scenario, states[lost:-1], passed[lost:-1], lost)]
 
     def advise(learner: PPO | None, number: int) -> Shown:
         if learner is None:
@@ -137,6 +143,19 @@ def seen_along(scenario: Scenario, states: Array, actions: NDArray[Any], step: i
     return Shown(
         task.observe(Scene.of([scenario] * count), situation), np.asarray(actions, dtype=np.float32), asked=count
     )
+
+
+def brought_back(scenario: Scenario, states: Array, passed: Integers, step: int) -> Shown:
+    """Return what the cascaded controller would do in states (n, 5), hoops passed there (n,), the first after `step`.
+
+    Every THIRD of them is shown: it is the same for long.
+    """
+    steps = np.minimum(step + np.arange(len(states)), scenario.max_steps - 1)[::THIRD]
+    if not len(steps):
+        return joined([])
+    situation = Situation(states[::THIRD], steps, passed[::THIRD], np.zeros(len(steps), dtype=np.int64))
+    seen = task.observe(Scene.of([scenario] * len(steps)), situation)
+    return Shown(seen, Cascade(scenario.quadrotor).predict(seen)[0], asked=len(steps))
 
 
 def backwards(scenario: Scenario, states: Array, actions: NDArray[Any]) -> tuple[Scenario, Array, NDArray[Any]]:

@@ -78,7 +78,7 @@ ROWS = {"rise": 1, "fall": 1, "crossing": 4, "rims": 2 * tr.RIM_POINTS, "arrival
 """The kinds of constraints, all of them inequalities, and their numbers of rows."""
 
 
-@lru_cache(maxsize=128)  # of 1 to 2 MB each; joblib replaces workers that have grown by 300 MB, and all is built again
+@lru_cache(maxsize=24)  # of 5 to 8 MB each; joblib replaces workers that have grown by 300 MB, which takes seconds
 def program(shape: StepShape) -> Any:
     """Return the parametric solver of one shape.
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from agents import demonstrations, policies
-from agents.advice import hoops_along, regulated, replanned, seen_along
+from agents.advice import backwards, brought_back, hoops_along, regulated, replanned, seen_along
 from agents.configs import PPOConfig
 from agents.evaluate import fly
 from agents.experts import Expert
@@ -119,6 +119,32 @@ def test_what_is_seen_in_the_mirror_is_a_flight_of_the_mirrored_scenario(name):
     np.testing.assert_array_equal(twice.actions[len(actions) :], turned)
 
 
+@pytest.mark.parametrize("name", ["climb", "high-hoop", "loop"])
+def test_backwards_in_time_a_flight_is_a_flight_from_the_goal_to_the_start(name):
+    scenario, states, actions = SCENARIOS[name], ghost_states(name), reference(name).actions
+    back, turned, rates = backwards(scenario, states, actions)
+    flown = back.quadrotor.step(turned[:-1], back.quadrotor.control(rates), back.dt)
+    np.testing.assert_allclose(flown, turned[1:], atol=1e-6)
+    np.testing.assert_allclose(turned[-1, :4], [*scenario.start, 0, 0])
+    assert back.start == scenario.goal
+    assert hoops_along(back, turned, rates)[-1] == len(scenario.hoops)
+    again = backwards(back, turned, rates)
+    np.testing.assert_array_equal(again[1], states)
+    np.testing.assert_array_equal(again[2], actions)
+
+
+def test_who_has_missed_a_hoop_is_told_to_turn_back():
+    scenario = SCENARIOS["hoop"]
+    (hoop,) = scenario.hoops
+    behind = np.array([hoop.x + 0.5, hoop.z + hoop.diameter, 0.0, 0.0, 0.0]) + np.zeros((7, 5))
+    shown = brought_back(scenario, behind, np.zeros(7, dtype=np.int64), 100)
+    assert len(shown.actions) == shown.asked == 3
+    assert (shown.actions[:, 1] < 0).all()
+    past = brought_back(scenario, behind, np.ones(7, dtype=np.int64), 100)
+    assert (past.actions[:, 1] > 0).all()
+    assert brought_back(scenario, behind[:0], np.zeros(0, dtype=np.int64), 100).asked == 0
+
+
 @pytest.mark.parametrize("name", ["hoop", "loop"])
 def test_hoops_are_counted_as_the_environment_counts_them(name):
     flown = fly_actions(SCENARIOS[name], reference(name).actions)
@@ -158,7 +184,7 @@ def test_replanned_advice_leads_to_the_goal_and_comes_in_mirrored_pairs():
     flights = fewest_steps_many([distribution.scenario(i) for i in range(3)], jobs=1, progress=False)
     adviser = replanned(flights, distribution, count=2, every=20, ahead=5, jobs=1)
     own = adviser(None, 0)
-    assert len(own.actions) == 2 * sum(flight.steps for flight in flights)
+    assert len(own.actions) == 4 * own.asked == 4 * sum(flight.steps for flight in flights)
     model = clone(own, CloneConfig(scenario="random-goal", width=32, depth=2, batch=128, updates=100))
     advice = adviser(model, 1)
     half = len(advice.actions) // 2
@@ -166,6 +192,7 @@ def test_replanned_advice_leads_to_the_goal_and_comes_in_mirrored_pairs():
     np.testing.assert_array_equal(advice.actions[:half, 0], advice.actions[half:, 0])
     np.testing.assert_array_equal(advice.actions[:half, 1], -advice.actions[half:, 1])
     assert len(joined([own, advice]).actions) == len(own.actions) + 2 * half
+    assert advice.asked == half
 
 
 @pytest.mark.parametrize(("field", "value"), [("updates", 0), ("zoom", -1.0), ("seed", 1.5), ("scenario", "nowhere")])
