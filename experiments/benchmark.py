@@ -182,7 +182,7 @@ def run(
     Raises:
         ValueError: for unknown cells.
     """
-    wanted = suite.cells(only)
+    wanted, folder = suite.cells(only), folder.resolve()  # workers may be at home elsewhere
     folder.mkdir(parents=True, exist_ok=True)
     everything = replace(suite, seeds=max(suite.seeds, SEEDS)).cells()
     found = {cell: words for cell in everything if (words := cell.read(folder)) is not None}
@@ -201,13 +201,13 @@ def run(
     for wave in ([c for c in left if c.agent != FIRST[1]], [c for c in left if c.agent == FIRST[1]]):
         tasks = [(suite, cell, folder) for cell in sorted(wave, key=longest)]
         for cell in unordered(_fly, tasks, jobs, backend) if tasks else ():  # type: ignore[arg-type]
-            found[cell] = cell.read(folder) or {}
+            found[cell] = cell.read(folder) or failed(cell, folder, "it left no file")
             error = found[cell].get("error")
             failures += bool(error)
             note = f"{cell.problem}/{cell.agent} " + (f"failed: {error}" if error else "done")
             bar.update(work, note=note[:60] + (f" ({failures} failed)" if failures else ""))
             bar.advance(work)
-    done = [found[cell] for cell in everything if found.get(cell)]
+    done = [found[cell] for cell in everything if cell in found]
     results = joined(suite, done, k_check, prologues, command)
     write(folder.with_suffix(".json"), results)
     return results
@@ -255,10 +255,11 @@ def make(cell: Cell, folder: Path, sizes: Sizes, policy: str = "") -> None:
         shutil.rmtree(lesson.file(cell.agent, ""), ignore_errors=True)
 
 
-def failed(cell: Cell, folder: Path, error: str) -> None:
-    """Write a cell that says why there is nothing in it."""
+def failed(cell: Cell, folder: Path, error: str) -> Row:
+    """Write a cell that says why there is nothing in it, and return it."""
     words = {"schema": SCHEMA, **asdict(cell), "date": now(), "versions": versions(), "error": error, "flights": {}}
     write_text(cell.path(folder), json.dumps(plain(words)) + "\n")
+    return words
 
 
 def told(cell: Cell, made: Made) -> Row:

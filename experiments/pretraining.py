@@ -3,9 +3,10 @@
     python -m experiments.pretraining hoop climb --out agents/pretrained
 
 On a named scenario: the optimal flight, planned through hoops narrower than they are and clear of the floor, so that a
-learner may err; DAgger under the regulator about it; then analytic policy gradients, until the learner flies in K*
-steps or time is up. On a distribution: optimal flights of many drawn scenarios, and DAgger under the expert that plans
-anew. Beside each policy lies a card with what made it: configuration, seed, command, versions, wall time, score.
+learner may err; DAgger under the regulator about it, first from starts scattered widely and then closely, until the
+learner flies in K* steps or time is up. On a distribution: optimal flights of many drawn scenarios, and DAgger under
+the expert that plans anew. Beside each policy lies a card with what made it: configuration, seed, command, versions,
+wall time, score.
 """
 
 from __future__ import annotations
@@ -23,7 +24,6 @@ import torch
 
 from agents import policies
 from agents.advice import regulated, replanned
-from agents.analytic import AnalyticConfig, follow
 from agents.evaluate import evaluate
 from agents.experts import Expert
 from agents.imitation import DaggerConfig, Keeper, dagger, student
@@ -37,12 +37,16 @@ from flatgym.scenario import Hoop, Scenario
 from optimal.batch import fewest_steps_many
 from optimal.steps import FewestSteps, fewest_steps
 
-MARGINS = {"hoop": 0.3, "high-hoop": 0.08, "slalom": 0.03, "loop": 0.03}
+MARGINS = {"hoop": 0.3, "high-hoop": 0.08, "slalom": 0.02, "loop": 0.03}
 """How much narrower than they are the hoops are planned through [m]; more would cost steps, where there is little."""
 GUIDES = {"ground-6": (Hoop(3.0, 0.6, 1.0),)}
 """Gaps to plan through besides; this one, 10 cm above the floor, costs no step and keeps off it."""
-SPECIAL = DaggerConfig(updates=1500, rounds=24)
-"""What a policy for one scenario is trained with."""
+SPECIAL = DaggerConfig(updates=1500, rounds=24, seconds=300.0)
+"""What a policy for one scenario is trained with at first."""
+PRECISE = DaggerConfig(updates=2000, rounds=60, learning_rate=1e-3, seconds=800.0)
+"""What it is trained with then, where it is not at K* yet; seconds count from the beginning of the first."""
+STAGES = ((SPECIAL, 0.05), (PRECISE, 0.02))
+"""Both, and how far starts and actions are scattered, as `agents.advice.regulated` has it."""
 GENERAL = DaggerConfig(width=160, zoom=6.0, batch=1024, updates=2500, rounds=6, seconds=1200.0, check_episodes=300)
 """What a policy for a distribution is trained with."""
 FLIGHTS = {"random-goal": 2600, "random-hoops": 600}
@@ -55,8 +59,6 @@ INNER = 0.5
 """The share of a drawn hoop's width that is planned through: it costs two steps, and a learner may err."""
 STORE = Path("experiments/results/flights")
 """Where optimal flights of drawn scenarios are kept."""
-SECONDS = 600.0
-"""Wall time granted to one policy, on one core [s]."""
 
 
 def narrowed(scenario: Scenario, by: float) -> Scenario:
@@ -91,15 +93,12 @@ def specialist(name: str, seed: int, out: Path, command: str) -> dict[str, Any]:
     began, target = time.perf_counter(), SCENARIOS[name]
     known = reference(target)
     assert known is not None
-    configs = (
-        replace(SPECIAL, scenario=name, seed=seed, seconds=0.7 * SECONDS),
-        AnalyticConfig(scenario=name, seed=seed, seconds=SECONDS),
-    )
-    flight = teacher(target)
-    keeper = Keeper(configs[0], target=known.k_star)
-    model = dagger(student(configs[0]), regulated(Expert(flight, late=1), target, seed=seed), configs[0], keeper)
-    if not keeper.satisfied:
-        model = follow(model, [flight], configs[1], keeper)
+    stages = [(replace(stage, scenario=name, seed=seed), scatter) for stage, scatter in STAGES]
+    expert, keeper = Expert(teacher(target), late=1), Keeper(stages[0][0], target=known.k_star)
+    model = student(stages[0][0])
+    for config, scatter in stages:
+        if not keeper.satisfied:
+            model = dagger(model, regulated(expert, target, scatter=scatter, noise=scatter, seed=seed), config, keeper)
     wall_time = time.perf_counter() - began
     policies.save(model, out / f"{name}.zip", name)
     scores = evaluate(
@@ -107,12 +106,14 @@ def specialist(name: str, seed: int, out: Path, command: str) -> dict[str, Any]:
         name,
         1,
         agent=name,
-        algorithm="DAgger, APG",
+        algorithm="DAgger",
         env_steps=keeper.env_steps,
         wall_time_s=round(wall_time, 1),
         command=command,
     )
-    return card(out / f"{name}.json", seed, command, configs, keeper.curve, dict(scores.iloc[0]))
+    return card(
+        out / f"{name}.json", seed, command, [config for config, _ in stages], keeper.curve, dict(scores.iloc[0])
+    )
 
 
 def generalist(name: str, seed: int, out: Path, command: str, jobs: int = -1) -> dict[str, Any]:

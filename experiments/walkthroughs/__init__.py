@@ -8,3 +8,5 @@ They are written in `# %%` cells, so that VS Code, Spyder and Jupyter (by jupyte
 stands at the top level, and importing one runs it. With `--quick` each takes seconds and learns next to nothing.
 What they write goes to experiments/results/walkthroughs, below the folder one is in.
 """
+
+__all__: tuple[str, ...] = ()  # so that tools that document or complete import none of them, which would run it

@@ -21,8 +21,6 @@ import pandas as pd
 
 import optimal
 from experiments import figures
-from experiments.figures import optimal_track
-from experiments.walkthroughs.tracks import flown
 from flatgym import Hoop, Scenario
 
 QUICK = "--quick" in sys.argv
@@ -132,9 +130,9 @@ print(f"{file}: {len(samples.time)} rows, read back alike: {np.array_equal(optim
 # The quadrotor stands on its path in equal time steps, its thrust as a flame. Open the pages in a browser.
 
 # %%
-through = optimal_track(solution)
-around = optimal_track(next(one for one in solutions if one.scenario == open_air and one.method == "shooting"))
-tracks = [through, flown("K*", window, best.actions), around]
+through = figures.optimal_track(solution)
+around = figures.optimal_track(next(one for one in solutions if one.scenario == open_air and one.method == "shooting"))
+tracks = [through, figures.flown_track(window, best.actions, "K*"), around]
 figures.write(figures.paths([window, window, open_air], tracks, "The window, and the open air"), FOLDER / "paths.html")
 figures.write(figures.controls(window.quadrotor, tracks, "Thrust and rate"), FOLDER / "controls.html")
 print(f"pictures: {FOLDER / 'paths.html'}, {FOLDER / 'controls.html'}")

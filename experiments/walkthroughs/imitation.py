@@ -24,7 +24,6 @@ import optimal
 from agents.evaluate import Policy
 from agents.imitation import CloneConfig, DaggerConfig, Keeper, clone, dagger, recorded
 from experiments import figures
-from experiments.walkthroughs.tracks import flown
 from flatgym import SCENARIOS, Disturbances
 
 QUICK = "--quick" in sys.argv
@@ -144,8 +143,8 @@ scores += [scored("cloned, then PPO", tuned)]
 # %%
 policies = {"cloned": cloned, "DAgger": advised, "cloned, then PPO": tuned}
 flights = {name: agents.fly(policy, NAME).actions[0] for name, policy in policies.items()}
-tracks = [flown("demonstrated", scenario, planned[0].flight.actions)]
-tracks += [flown(name, scenario, actions) for name, actions in flights.items()]
+tracks = [figures.flown_track(scenario, planned[0].flight.actions, "demonstrated")]
+tracks += [figures.flown_track(scenario, actions, name) for name, actions in flights.items()]
 figures.write(figures.paths(scenario, tracks, f"{NAME}: shown, cloned, mended"), FOLDER / "paths.html")
 print(f"picture: {FOLDER / 'paths.html'}")
 

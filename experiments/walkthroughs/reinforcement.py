@@ -8,7 +8,7 @@
 # Run it cell by cell, or as a whole: `python -m experiments.walkthroughs.reinforcement`, with `--quick` in seconds.
 
 # %%
-"""The RL user's walk-through: make, wrap, train PPO on two ways, score against K*, draw beside the optimum."""
+"""The RL user's walk-through: make, wrap, train PPO in two ways, score against K*, draw beside the optimum."""
 
 import sys
 from pathlib import Path
@@ -23,7 +23,6 @@ from stable_baselines3.common.vec_env import VecNormalize
 import agents
 import flatgym
 from experiments import figures
-from experiments.walkthroughs.tracks import flown
 from flatgym.reference import reference
 
 QUICK = "--quick" in sys.argv
@@ -119,8 +118,9 @@ print(scores[["agent", "success_rate", "steps", "k_star", "gap", "outcomes"]].to
 # The optimum and the agents, the quadrotor in equal time steps; and what was learnt, against K*.
 
 # %%
-tracks = [flown("optimum", scenario, best.actions)]
-tracks += [flown(name, scenario, agents.fly(policy, NAME).actions[0]) for name, policy in policies.items()]
+tracks = [figures.flown_track(scenario, best.actions, "optimum")]
+flights = {name: agents.fly(policy, NAME).actions[0] for name, policy in policies.items()}
+tracks += [figures.flown_track(scenario, actions, name) for name, actions in flights.items()]
 figures.write(figures.paths(scenario, tracks, f"{NAME}: the optimum and the agents"), FOLDER / "paths.html")
 figures.write(figures.learning(training.curve, best.k_star, f"{NAME}: PPO with a curriculum"), FOLDER / "learning.html")
 print(f"pictures: {FOLDER / 'paths.html'}, {FOLDER / 'learning.html'}")

@@ -16,8 +16,8 @@ from flatgym.task import fly_actions
 
 @pytest.fixture
 def brief(monkeypatch, tmp_path):
-    monkeypatch.setattr(pretraining, "SECONDS", 0.5)
-    monkeypatch.setattr(pretraining, "SPECIAL", DaggerConfig(width=16, depth=1, updates=20, rounds=2))
+    stage = DaggerConfig(width=16, depth=1, updates=20, rounds=2)
+    monkeypatch.setattr(pretraining, "STAGES", ((stage, 0.05), (replace(stage, updates=10), 0.02)))
     monkeypatch.setattr(pretraining, "STORE", tmp_path / "flights")
     monkeypatch.setattr(pretraining, "FLIGHTS", {"random-goal": 4})
     monkeypatch.setattr(pretraining, "COUNTS", {"random-goal": 2})
@@ -32,7 +32,9 @@ def test_a_specialist_and_its_card(brief):
     assert json.loads((brief / "horizontal-3.json").read_text()) == made
     assert (made["seed"], made["command"]) == (3, "the command")
     kinds = [config.pop("kind") for config in made["configs"]]
-    assert kinds == ["DaggerConfig", "AnalyticConfig"]
+    assert kinds == ["DaggerConfig"] * 2
+    assert [config["updates"] for config in made["configs"]] == [20, 10]
+    assert len(made["curve"]) == 4
     assert DaggerConfig(**made["configs"][0]).seed == 3
     loaded = policies.load(brief / "horizontal-3.zip", trust=True)
     assert loaded.observation_space.shape == (19,)

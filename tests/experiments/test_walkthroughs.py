@@ -18,8 +18,6 @@ import torch
 from agents import policies
 from experiments import walkthroughs
 from experiments.figures import Track
-from experiments.walkthroughs.tracks import flown
-from flatgym import SCENARIOS
 from flatgym.reference import reference
 from optimal.certificate import AGREEMENT, TOLERANCE
 
@@ -135,15 +133,3 @@ def test_reinforcement_scores_against_k_star(left, capsys):
         assert gap >= 0 if success else math.isnan(gap)
     assert len(names["tracks"][0].time) - 1 == names["best"].k_star
     assert json.loads((folder / "ppo" / "config.json").read_text())["scenario"] == names["NAME"]
-
-
-def test_a_flight_drawn_is_the_flight_flown():
-    best = reference("hoop")
-    track = flown("K*", SCENARIOS["hoop"], best.actions)
-    assert track.name == f"K*, {best.k_star} steps: goal"
-    assert len(track.time) == len(track.state) == len(track.control) == best.k_star + 1
-    np.testing.assert_allclose(
-        SCENARIOS["hoop"].quadrotor.step(track.state[:-1], track.control[:-1], 0.02), track.state[1:], atol=1e-9
-    )
-    further = flown("on", SCENARIOS["hoop"], np.append(best.actions, best.actions[-1:], axis=0))
-    assert len(further.time) - 1 >= best.k_star
