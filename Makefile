@@ -5,7 +5,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 CORES ?= auto
 
-.PHONY: help benchmark test check format readme clean
+.PHONY: help benchmark test check format readme docs clean
 
 help:
 	@echo "make benchmark   solve, demonstrate, train and score; under 6 minutes"
@@ -13,6 +13,7 @@ help:
 	@echo "make check       lint, format, types and import contracts"
 	@echo "make format      apply the formatter and the safe fixes"
 	@echo "make readme      publish your latest results in README (needs a Chromium for the picture)"
+	@echo "make docs        the API reference from the docstrings, in build/docs"
 
 .venv/installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
@@ -38,6 +39,9 @@ format: .venv/installed
 readme: .venv/installed
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[figures]'
 	$(BIN)/python -m experiments.readme
+
+docs: .venv/installed
+	$(BIN)/python docs/build.py build/docs
 
 clean:
 	rm -rf .venv build dist *.egg-info

@@ -23,7 +23,7 @@ from flatgym.scenario import Scenario
 from optimal.replanning import STRIDES, Underway, replan, rest
 from optimal.steps import FewestSteps, Found
 
-PATIENCE = 4
+PATIENCE = 2
 """How many strides of `optimal.replanning` are tried in `continuations`: what fails takes longest."""
 
 

@@ -149,4 +149,5 @@ def final_observations(envs: Envs, call: Call) -> dict[int, Any]:
 
 
 def observation_rows(envs: Envs, call: Call) -> list[Any]:
+    """Return the observation of each environment."""
     return list(iterate(envs.observation_space, call.observations))
