@@ -47,11 +47,18 @@ PRECISE = DaggerConfig(updates=2000, rounds=60, learning_rate=1e-3, seconds=800.
 """What it is trained with then, where it is not at K* yet; seconds count from the beginning of the first."""
 STAGES = ((SPECIAL, 0.05), (PRECISE, 0.02))
 """Both, and how far starts and actions are scattered, as `agents.advice.regulated` has it."""
-GENERAL = DaggerConfig(width=160, zoom=6.0, batch=1024, updates=2500, rounds=6, seconds=1200.0, check_episodes=300)
-"""What a policy for a distribution is trained with."""
-FLIGHTS = {"random-goal": 2600, "random-hoops": 600}
+GENERAL = {
+    "random-goal": DaggerConfig(
+        width=160, zoom=6.0, batch=1024, updates=2500, rounds=6, seconds=1200.0, check_episodes=300
+    ),
+    "random-hoops": DaggerConfig(
+        width=160, zoom=6.0, batch=1024, updates=4000, rounds=16, seconds=1800.0, check_episodes=300
+    ),
+}
+"""What policies for distributions are trained with."""
+FLIGHTS = {"random-goal": 2600, "random-hoops": 800}
 """Optimal flights to begin with."""
-COUNTS = {"random-goal": 200, "random-hoops": 150}
+COUNTS = {"random-goal": 200, "random-hoops": 200}
 """Flights of a round that the expert advises."""
 EPISODES = {"random-goal": 1000, "random-hoops": 300}
 """Flights by which a policy for a distribution is scored, unseen, of known K*."""
@@ -120,7 +127,7 @@ def generalist(name: str, seed: int, out: Path, command: str, jobs: int = -1) ->
     """Train a policy for a distribution, write it and its card, and return the card."""
     torch.set_num_threads(1)
     began, distribution = time.perf_counter(), DISTRIBUTIONS[name]
-    config = replace(GENERAL, scenario=name, seed=seed)
+    config = replace(GENERAL[name], scenario=name, seed=seed)
     drawn = [inner(distribution.scenario(i), INNER) for i in range(FLIGHTS[name])]
     before = len(list(STORE.glob(f"{name}-*.json")))
     flights = fewest_steps_many(drawn, jobs=jobs, store=STORE)

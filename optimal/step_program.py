@@ -29,8 +29,16 @@ from optimal import transcription as tr
 from optimal.stages import WARM, Stages, solver, tightened
 from optimal.trajectory import Flight
 
-OPTIONS = WARM | {"fatrop.tol": 1e-7, "fatrop.mu_init": 1e-3, "fatrop.bound_push": 1e-3, "fatrop.bound_frac": 1e-3}
-"""Settings of the solver: it starts from a flight that takes about as long but stops exactly at the goal."""
+OPTIONS = WARM | {
+    "fatrop.tol": 1e-7,
+    "fatrop.mu_init": 1e-3,
+    "fatrop.bound_push": 1e-3,
+    "fatrop.bound_frac": 1e-3,
+    "fatrop.max_iter": 100,
+}
+"""Settings of the solver: it starts from a flight that takes about as long but stops exactly at the goal. What has a
+solution finds it within some dozens of iterations; after hundreds on what has none, Fatrop's restoration has been seen
+never to return."""
 HOOP_MARGIN = 1e-5
 """How far inside a gap a planned crossing stays [m]: float32 actions move the path by less."""
 RIM_MARGINS = (1e-3, 5e-3)

@@ -22,8 +22,8 @@ def brief(monkeypatch, tmp_path):
     monkeypatch.setattr(pretraining, "FLIGHTS", {"random-goal": 4})
     monkeypatch.setattr(pretraining, "COUNTS", {"random-goal": 2})
     monkeypatch.setattr(pretraining, "EPISODES", {"random-goal": 3})
-    small = replace(pretraining.GENERAL, width=16, depth=1, updates=20, rounds=2, check_episodes=4)
-    monkeypatch.setattr(pretraining, "GENERAL", small)
+    small = replace(pretraining.GENERAL["random-goal"], width=16, depth=1, updates=20, rounds=2, check_episodes=4)
+    monkeypatch.setattr(pretraining, "GENERAL", {"random-goal": small})
     return tmp_path
 
 
