@@ -4,9 +4,9 @@
 
 On a named scenario: the optimal flight, planned through hoops narrower than they are and clear of the floor, so that a
 learner may err; DAgger under the regulator about it, first from starts scattered widely and then closely, until the
-learner flies in K* steps or time is up. On a distribution: optimal flights of many drawn scenarios, and DAgger under
-the expert that plans anew. Beside each policy lies a card with what made it: configuration, seed, command, versions,
-wall time, score.
+learner flies in as many steps or time is up. On a distribution: optimal flights of many drawn scenarios, and DAgger
+under the expert that plans anew. Beside each policy lies a card with what made it: configuration, seed, command,
+versions, wall time, score.
 """
 
 from __future__ import annotations
@@ -98,10 +98,9 @@ def specialist(name: str, seed: int, out: Path, command: str) -> dict[str, Any]:
     """Train a policy for one scenario, write it and its card, and return the card."""
     torch.set_num_threads(1)
     began, target = time.perf_counter(), SCENARIOS[name]
-    known = reference(target)
-    assert known is not None
     stages = [(replace(stage, scenario=name, seed=seed), scatter) for stage, scatter in STAGES]
-    expert, keeper = Expert(teacher(target), late=1), Keeper(stages[0][0], target=known.k_star)
+    flight = teacher(target)
+    expert, keeper = Expert(flight, late=1), Keeper(stages[0][0], target=flight.steps)
     model = student(stages[0][0])
     for config, scatter in stages:
         if not keeper.satisfied:
