@@ -146,11 +146,13 @@ def facts(benchmark: dict[str, Any]) -> str:
     """Return command, date, machine and versions as a list of terms."""
     machine, versions = benchmark.get("machine", {}), benchmark.get("versions", {})
     cores = f"{machine['cores']} cores, " if "cores" in machine else ""
+    kind = [str(value) for key, value in machine.items() if key != "cores"]
     terms = {
         "Command": f"<code>{escape(str(benchmark.get('command', '-')))}</code>",
         "Date": escape(str(benchmark.get("date", "-")).replace("T", " ").replace("+00:00", " UTC")),
-        "Hardware": cores + escape(", ".join(str(value) for key, value in machine.items() if key != "cores")),
+        "Hardware": cores + escape(", ".join([*kind, *filter(None, [benchmark.get("processor")])])),
         "Versions": escape(", ".join(f"{name} {version}" for name, version in versions.items())),
+        "Commit": f"<code>{escape(str(benchmark.get('commit') or '-'))}</code>",
     }
     return "\n".join(f"<div><dt>{term}</dt><dd>{words}</dd></div>" for term, words in terms.items())
 
