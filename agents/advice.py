@@ -2,8 +2,8 @@
 
 On one scenario the expert is the regulator about its optimal flight, and advises at every step. On a distribution
 every flight has another optimum: there the expert plans anew from states that the learner came to, and what it would
-have flown from them is shown. Who has missed a hoop or overshot the goal is too far from any plan; how to come back is
-shown by the cascaded controller, which is slow but gets there.
+have flown from them is shown. Who has missed a hoop is too far from any plan; how to come back is shown by the
+cascaded controller, which is slow but gets there. It is shown nowhere else, or learners would become as slow.
 """
 
 from __future__ import annotations
@@ -112,7 +112,8 @@ def replanned(
             for plan in plans
         ]
         lost = min(last, (plans[-1].step if plans else 0) + every)
-        return [*shown, brought_back(scenario, states[lost:-1], passed[lost:-1], lost)]
+        missed = lost + np.flatnonzero(passed[lost:-1] < len(scenario.hoops))
+        return [*shown, brought_back(scenario, states[missed], passed[missed], missed)]
 
     def advise(learner: PPO | None, number: int) -> Shown:
         if learner is None:
@@ -145,12 +146,12 @@ def seen_along(scenario: Scenario, states: Array, actions: NDArray[Any], step: i
     )
 
 
-def brought_back(scenario: Scenario, states: Array, passed: Integers, step: int) -> Shown:
-    """Return what the cascaded controller would do in states (n, 5), hoops passed there (n,), the first after `step`.
+def brought_back(scenario: Scenario, states: Array, passed: Integers, steps: Integers) -> Shown:
+    """Return what the cascaded controller would do in states (n, 5) after steps (n,) with hoops passed (n,).
 
     Every THIRD of them is shown: it is the same for long.
     """
-    steps = np.minimum(step + np.arange(len(states)), scenario.max_steps - 1)[::THIRD]
+    steps = np.minimum(steps, scenario.max_steps - 1)[::THIRD]
     if not len(steps):
         return joined([])
     situation = Situation(states[::THIRD], steps, passed[::THIRD], np.zeros(len(steps), dtype=np.int64))

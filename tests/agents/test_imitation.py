@@ -137,12 +137,12 @@ def test_who_has_missed_a_hoop_is_told_to_turn_back():
     scenario = SCENARIOS["hoop"]
     (hoop,) = scenario.hoops
     behind = np.array([hoop.x + 0.5, hoop.z + hoop.diameter, 0.0, 0.0, 0.0]) + np.zeros((7, 5))
-    shown = brought_back(scenario, behind, np.zeros(7, dtype=np.int64), 100)
+    shown = brought_back(scenario, behind, np.zeros(7, dtype=np.int64), np.arange(100, 107))
     assert len(shown.actions) == shown.asked == 3
     assert (shown.actions[:, 1] < 0).all()
-    past = brought_back(scenario, behind, np.ones(7, dtype=np.int64), 100)
+    past = brought_back(scenario, behind, np.ones(7, dtype=np.int64), np.arange(100, 107))
     assert (past.actions[:, 1] > 0).all()
-    assert brought_back(scenario, behind[:0], np.zeros(0, dtype=np.int64), 100).asked == 0
+    assert brought_back(scenario, behind[:0], *np.zeros((2, 0), dtype=np.int64)).asked == 0
 
 
 @pytest.mark.parametrize("name", ["hoop", "loop"])
