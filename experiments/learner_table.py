@@ -131,7 +131,7 @@ def scores(results: Row) -> str:
     note = (
         f"`{results['command']}` on {results['machine']['cores']} cores ({results['processor']}), "
         f"{results['date'][:10]}; flatgym {used['flatgym']}, stable-baselines3 {used['stable-baselines3']}, torch "
-        f"{used['torch']}. Disturbed: success in wind, with with another mass and with a delay, all three."
+        f"{used['torch']}. X."
     )
     return markdown(head, rows) + "\n\n" + fill(note, WIDTH, break_on_hyphens=False)
 
