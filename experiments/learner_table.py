@@ -131,7 +131,7 @@ def scores(results: Row) -> str:
     note = (
         f"`{results['command']}` on {results['machine']['cores']} cores ({results['processor']}), "
         f"{results['date'][:10]}; flatgym {used['flatgym']}, stable-baselines3 {used['stable-baselines3']}, torch "
-        f"{used['torch']}. X."
+        f"{used['torch']}. Disturbed: success in wind, with another mass and a delay at once."
     )
     return markdown(head, rows) + "\n\n" + fill(note, WIDTH, break_on_hyphens=False)
 
