@@ -182,7 +182,7 @@ def run(
     Raises:
         ValueError: for unknown cells.
     """
-    wanted, folder = suite.cells(only), folder.resolve()  # workers may be at home elsewhere
+    wanted, folder = suite.cells(only), folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     everything = replace(suite, seeds=max(suite.seeds, SEEDS)).cells()
     found = {cell: words for cell in everything if (words := cell.read(folder)) is not None}
@@ -199,7 +199,7 @@ def run(
         bar.advance(planning)
     work, failures = bar.add_task("cells", total=len(left), note=""), 0
     for wave in ([c for c in left if c.agent != FIRST[1]], [c for c in left if c.agent == FIRST[1]]):
-        tasks = [(suite, cell, folder) for cell in sorted(wave, key=longest)]
+        tasks = [(suite, cell, folder, Path.cwd()) for cell in sorted(wave, key=longest)]
         for cell in unordered(_fly, tasks, jobs, backend) if tasks else ():  # type: ignore[arg-type]
             found[cell] = cell.read(folder) or failed(cell, folder, "it left no file")
             error = found[cell].get("error")
@@ -218,14 +218,14 @@ def longest(cell: Cell) -> int:
     return list(ALL).index(cell.agent) if cell.agent in ALL else len(ALL)
 
 
-def _fly(task: tuple[Suite, Cell, Path]) -> Cell:
-    suite, cell, folder = task
+def _fly(task: tuple[Suite, Cell, Path, Path]) -> Cell:
+    suite, cell, folder, home = task  # a worker that served before may be at home elsewhere
     if cell.agent not in suite.policies:
         make(cell, folder, suite.sizes)
         return cell
     try:
         arguments = asdict(cell), str(folder), asdict(suite.sizes), suite.policies[cell.agent]
-        guarded("experiments.benchmark:foreign", *arguments, seconds=suite.timeout)
+        guarded("experiments.benchmark:foreign", *arguments, seconds=suite.timeout, home=home)
     except Failed as error:
         failed(cell, folder, str(error))
     return cell

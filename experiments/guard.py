@@ -30,13 +30,14 @@ class Failed(ValueError):
     """What ran in a process of its own failed, hung or crashed."""
 
 
-def guarded(function: str, *arguments: Any, seconds: float) -> Any:
+def guarded(function: str, *arguments: Any, seconds: float, home: Path | None = None) -> Any:
     """Return what a function returns that is run in a new process.
 
     Args:
         function: "module:name".
         arguments: as JSON holds them.
         seconds: how long it may take, once all is imported [s].
+        home: the process's working directory; by default the present one.
 
     Raises:
         Failed: where it raises, takes longer, or ends its process.
@@ -44,8 +45,14 @@ def guarded(function: str, *arguments: Any, seconds: float) -> Any:
     with TemporaryDirectory() as name:
         folder = Path(name)
         write_text(folder / ASKED, json.dumps([function, arguments]))
-        command = [sys.executable, "-c", "from experiments.guard import main; main()", name]
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=sys.__stderr__ or subprocess.DEVNULL)
+        command = [
+            sys.executable,
+            "-P",
+            "-c",
+            "from experiments.guard import main; main()",
+            name,
+        ]  # not what lies about here
+        process = subprocess.Popen(command, cwd=home, stdin=subprocess.DEVNULL, stdout=sys.__stderr__)
         try:
             if not _there(folder / BEGUN, process, BEGINNING) or not _there(folder / ANSWER, process, seconds):
                 raise Failed(f"no answer within {seconds:g} s; --timeout grants more")

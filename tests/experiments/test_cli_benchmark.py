@@ -65,7 +65,7 @@ def timeless(results):
     return {key: value for key, value in results.items() if key not in TIMES} | {"cells": cells}
 
 
-TIMES = ("date", "command", "wall_time_s", "planning_s", "policy")
+TIMES = ("date", "command", "commit", "wall_time_s", "planning_s")
 
 
 def test_a_killed_run_goes_on_to_what_it_would_have_been(folder, tmp_path):
