@@ -31,3 +31,9 @@ def test_who_ends_his_process_is_told_of():
 def test_what_is_printed_does_not_mix_with_the_answer(capfd):
     assert guarded("builtins:print", "hello", seconds=60) is None
     assert capfd.readouterr().out == ""
+
+
+def test_a_folder_named_like_one_of_our_packages_does_not_stand_in_its_place(tmp_path):
+    (tmp_path / "experiments").mkdir()
+    (tmp_path / "experiments" / "__init__.py").write_text("raise SystemExit('not ours')")
+    assert guarded("os:getcwd", seconds=60, home=tmp_path) == str(tmp_path)
