@@ -32,7 +32,7 @@ from agents.evaluate import CALM, FasterThanOptimal, Policy, flight_rows, fly, v
 from agents.optima import optima
 from experiments.files import SCHEMA, plain, read_json, write_json
 from experiments.guard import Failed, guarded
-from experiments.learner_table import scored
+from experiments.page.board import board
 from experiments.provenance import now, provenance
 from experiments.recipes import EXPERTS, FULL, LEARNERS, ONLY_SCENARIOS, Lesson, Made, Sizes, prepare
 from flatgym import DISTRIBUTIONS, SCENARIOS
@@ -56,6 +56,11 @@ ALL = (*LEARNERS, *EXPERTS)
 SEEDS = 3
 TRIAL = "trial"
 """Name of a suite of small sizes, whose numbers mean nothing."""
+COLUMNS = (
+    "problem", "agent", "seeds", "condition", "success_rate", "success_low", "success_high", "gap", "gap_low",
+    "gap_high", "env_steps", "learning_s", "error",
+)  # fmt: skip
+"""Columns of the table of scores."""
 DEMONSTRATIONS = 6
 """Flights of a scenario that a suite records as a dataset."""
 TIMEOUT = 300.0
@@ -186,7 +191,8 @@ def run(
     folder.mkdir(parents=True, exist_ok=True)
     everything = replace(suite, seeds=max(suite.seeds, SEEDS)).cells()
     found = {cell: words for cell in everything if (words := cell.read(folder)) is not None}
-    left = [cell for cell in wanted if cell not in found or found[cell].get("error")]
+    # A policy that is not ours may be another by now, and is flown anew.
+    left = [c for c in wanted if c not in found or found[c].get("error") or c.agent in suite.policies]
     problems = [name for name in suite.agents if any(cell.problem == name for cell in (*wanted, *found))]
     k_check, prologues = {}, {}
     planning = bar.add_task("optima, demonstrations", total=len(problems), note="")
@@ -354,22 +360,20 @@ def write(path: Path, results: Row) -> None:
 
 
 def scores(results: Row) -> pd.DataFrame:
-    """Return one row for each problem, agent and condition: success and gap, their intervals, cost; or the error."""
-    found = scored(results | {"cells": [cell for cell in results["cells"] if not cell.get("error")]})
+    """Return one row for each problem, agent and condition: success and gap, their intervals, cost; and each error."""
+    found = board(results)
+    lines = {(line.problem, line.agent): line for line in found.lines}
     rows: list[Row] = []
-    for cell in results["cells"]:
-        shared = {"problem": cell["problem"], "agent": cell["agent"]}
-        if cell.get("error"):
-            rows.append(shared | {"seeds": cell["seed"], "condition": "calm", "error": cell["error"]})
-        rows += [
-            shared
-            | {"seeds": row["runs"], "condition": condition}
-            | {key: row[key] for key in ("success_rate", "success_low", "success_high", "gap", "gap_low", "gap_high")}
-            | {"env_steps": cell["env_steps"], "learning_s": cell["wall_time_s"], "error": ""}
-            for condition in cell["flights"]
-            if (row := found.pop((cell["problem"], cell["agent"], condition), None)) is not None
-        ]
-    return pd.DataFrame(rows)
+    for one in found.standings:
+        line = lines[one.problem, one.agent]
+        rates = {"success_rate" if key == "success" else key: value for key, value in asdict(one).items()}
+        rows.append(
+            rates | {"seeds": line.runs, "env_steps": line.env_steps, "learning_s": line.learning_s, "error": ""}
+        )
+    for line in found.lines:
+        shared = {"problem": line.problem, "agent": line.agent, "condition": "calm"}
+        rows += [shared | {"error": words} for words in line.errors]
+    return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def merged(first: Row, *others: Row) -> Row:

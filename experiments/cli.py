@@ -439,6 +439,8 @@ def report(
         raise ValueError(f"there is no {results}; `flatquad benchmark` writes one")
     own = [results] if results else sorted(RESULTS.glob("benchmark*.json"), key=lambda path: -path.stat().st_mtime)
     found = [data for path in own[:1] if (data := read_json(path)) is not None]
+    if results is not None and not found:
+        raise ValueError(f"{results} holds no results that can be read")
     with progress_bar() as bar:
         bar.add_task("report", total=None, note="")
         shown = benchmark.merged(

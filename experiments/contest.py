@@ -70,7 +70,8 @@ class Contest:
     @property
     def name(self) -> str:
         """What the policy is called: a zip by its file's name, an object by its own."""
-        return self.pretrained or self.agent or Path(self.policy).stem.rpartition(":")[2]
+        own = Path(self.policy).stem if self.policy.endswith(".zip") else self.policy.rpartition(":")[2]
+        return self.pretrained or self.agent or own
 
     @property
     def problem(self) -> str:
@@ -156,11 +157,7 @@ def page(contest: Contest, path: Path, *, command: str, timeout: float, bar: Pro
         "mine", {problem: beside}, policies={contest.name: contest.policy} if contest.policy else {}, timeout=timeout
     )
     results = benchmark.run(suite, path.with_suffix(""), command=command, bar=bar)
-    known = published("learners.json")
-    known = known | {"cells": [cell for cell in known["cells"] if cell["problem"] == problem]}
-    known |= {
-        key: {name: value for name, value in known[key].items() if name == problem} for key in ("k_star", "k_check")
-    }
+    known = benchmark.only(problem, published("learners.json"))
     return report.write(path, benchmark.merged(results, known), published("paper.json"))
 
 

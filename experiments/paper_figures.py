@@ -8,6 +8,7 @@ paper's: it shows where its printed times lie between the impossible and the flo
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -28,8 +29,6 @@ from optimal.solution import Solution
 
 WIDTH = 900
 """Of every figure [px]."""
-STEP = 0.002
-"""Time between the drawn points of a flight [s]."""
 MARGIN = 1.7
 """Room for words beside the judged times [%]."""
 MINUS = "\N{MINUS SIGN}"
@@ -56,9 +55,7 @@ def solved(name: str, method: str) -> Solution:
 def track(name: str, method: str = "flat", words: str = "") -> Track:
     """Return the flight of a case by one of the roads, to draw; its time stands behind the `words`."""
     solution = solved(name, method)
-    assert solution.trajectory is not None
-    samples = solution.trajectory.sample(STEP)
-    return Track(f"{words}T = {solution.time:.4f} s", samples.time, samples.state, samples.control)
+    return replace(figures.optimal_track(solution), name=f"{words}T = {solution.time:.4f} s")
 
 
 def fig2() -> go.Figure:

@@ -14,11 +14,10 @@ from flatgym import catalogue
 from flatgym.catalogue import DEFAULT_SCENARIO, ProblemLike
 from flatgym.course import Course, Starts
 from flatgym.disturbances import Disturbances
-from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, Fleet, Seeds, not_finite
+from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, Fleet, not_finite
 from flatgym.quadrotor import Array
-from flatgym.reference import k_star_of
 from flatgym.rendering.film import Film
-from flatgym.resetting import begin, check_options, check_seed
+from flatgym.resetting import begin, check_options, check_seed, known_k_star
 from flatgym.scenario import Scenario
 from flatgym.scene import FLYING, GOAL, OUTCOMES, TIME_LIMIT
 from flatgym.task import observation_names
@@ -194,7 +193,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         seeds = None if seed is None else np.array([seed], dtype=np.uint64)
         options = check_options(options)
         observation, record = begin(self.fleet, ALL, seeds, options)
-        self._k_star = math.nan if options else self._known(seeds)
+        self._k_star = math.nan if options else float(known_k_star(self.fleet, first=seeds is not None)[0])
         self._outcome, info = FLYING, self._info(record.numbers[:, 0].tolist())
         if self.render_mode is not None:  # to build a drawn scenario takes longer than to begin flying it
             self.film.begin(self.scenario, info)
@@ -224,13 +223,6 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     def close(self) -> None:
         """Close the window, if there is one."""
         self.film.close()
-
-    def _known(self, seeds: Seeds | None) -> float:
-        """Return K* of the episode that begins: the first of new seeds (1,), or the next of the old."""
-        problem, starts = self.fleet.course.problem, self.fleet.course.starts
-        if starts is not None or (seeds is None and not isinstance(problem, Scenario)):
-            return math.nan
-        return float(k_star_of(problem, self.fleet.seeds)[0])
 
     def _info(self, row: list[float]) -> dict[str, Any]:
         outcome = int(row[OUTCOME])

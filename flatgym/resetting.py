@@ -8,6 +8,9 @@ import numpy as np
 
 from flatgym.course import check_states
 from flatgym.fleet import Begun, Fleet, Mask, Seeds
+from flatgym.quadrotor import Array
+from flatgym.reference import k_star_of
+from flatgym.scenario import Scenario
 from flatgym.validation import numbers
 
 OPTIONS = ("state", "hoops_passed")
@@ -45,6 +48,17 @@ def begin(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any]
         fleet.ids[:] = before
         raise
     return fleet.reset(mask, state, passed)
+
+
+def known_k_star(fleet: Fleet, first: bool) -> Array:
+    """Return K* of the episodes that begin now at their own starts, the first of their seeds or later ones.
+
+    Shape (n,), NaN where none is known: of what is drawn later, and where episodes begin in a pool of starts.
+    """
+    course = fleet.course
+    if course.starts is not None or not (first or isinstance(course.problem, Scenario)):
+        return np.full(fleet.n, np.nan)
+    return k_star_of(course.problem, fleet.seeds)
 
 
 def check_seed(seed: Any) -> int:

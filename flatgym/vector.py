@@ -25,9 +25,8 @@ from flatgym.disturbances import Disturbances
 from flatgym.env import action_space, fleet_of, observation_space, take_actions
 from flatgym.fleet import OUTCOME, REWARD, TIME, Flown, Mask, Record, Seeds
 from flatgym.quadrotor import Array
-from flatgym.reference import k_star_of
-from flatgym.resetting import OPTIONS, begin, check_options, check_seed
-from flatgym.scenario import Scenario, Tolerance
+from flatgym.resetting import OPTIONS, begin, check_options, check_seed, known_k_star
+from flatgym.scenario import Tolerance
 from flatgym.validation import numbers
 from flatgym.words import Words
 
@@ -133,7 +132,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         seeds = self._seeds(seed)
         observation, record = begin(self.fleet, mask, seeds, options)
         self._begun, self._ended = True, self._ended & ~mask
-        known = np.full(self.num_envs, np.nan) if options else self._known(first=seeds is not None)
+        known = np.full(self.num_envs, np.nan) if options else known_k_star(self.fleet, first=seeds is not None)
         self._k_star = np.where(mask, known, self._k_star)
         return observation, self._infos(record, self._all, np.flatnonzero(record.numbers[OUTCOME]))
 
@@ -152,20 +151,13 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         terminated, truncated, _ = flown.record.flags
         before, begun = self._k_star, flown.record.counts[0] == 0
         if begun.any():
-            self._k_star = np.where(begun, self._known(first=False), before)
+            self._k_star = np.where(begun, known_k_star(self.fleet, first=False), before)
         infos = self._infos(flown.record, self._all, _NOBODY if flown.final is not None else flown.ended)
         if self.autoreset_mode == AutoresetMode.DISABLED:
             self._ended = terminated | truncated
         elif flown.final is not None:
             infos |= self._final(flown, terminated | truncated, before)
         return flown.observation, flown.record.numbers[REWARD], terminated, truncated, infos
-
-    def _known(self, first: bool) -> Array:
-        """Return K* of the episodes that begin now, shape (n,): the first of their seeds, or later ones."""
-        problem = self.course.problem
-        if self.course.starts is not None or not (first or isinstance(problem, Scenario)):
-            return np.full(self.num_envs, np.nan)
-        return k_star_of(problem, self.fleet.seeds)
 
     def _final(self, flown: Flown, mask: Mask, k_star: Array) -> dict[str, Any]:
         assert flown.final is not None

@@ -136,12 +136,7 @@ def line(results: Row, sound: Row, found: Scores, problem: str, agent: str) -> L
         called(agent),
         runs=row["runs"],
         flights=row["flights"],
-        success=row["success_rate"],
-        success_low=row["success_low"],
-        success_high=row["success_high"],
-        gap=row["gap"],
-        gap_low=row["gap_low"],
-        gap_high=row["gap_high"],
+        **rates(row),
         steps=row["steps"],
         k_star=float(iqm(np.array(results["k_star"][problem], dtype=np.float64)[:flown])),
         env_steps=mean(cells, "env_steps"),
@@ -149,6 +144,12 @@ def line(results: Row, sound: Row, found: Scores, problem: str, agent: str) -> L
         learning_s=mean(cells, "wall_time_s"),
         errors=errors,
     )
+
+
+def rates(row: Row) -> dict[str, Any]:
+    """Return success and gap of a summary, with their intervals, as lines and standings name them."""
+    bounds = ("success_low", "success_high", "gap", "gap_low", "gap_high")
+    return {"success": row["success_rate"]} | {key: row[key] for key in bounds}
 
 
 def mean(cells: Sequence[Row], key: str) -> float:
@@ -168,18 +169,7 @@ def standings(sound: Row, found: Scores, order: Sequence[tuple[str, str]]) -> It
         for condition in sound["conditions"]:
             row = found.get((problem, agent, condition))
             if row is not None:
-                yield Standing(
-                    problem,
-                    agent,
-                    called(agent),
-                    condition,
-                    success=row["success_rate"],
-                    success_low=row["success_low"],
-                    success_high=row["success_high"],
-                    gap=row["gap"],
-                    gap_low=row["gap_low"],
-                    gap_high=row["gap_high"],
-                )
+                yield Standing(problem, agent, called(agent), condition, **rates(row))
 
 
 def curves(sound: Row, order: Sequence[tuple[str, str]]) -> Iterator[Curve]:

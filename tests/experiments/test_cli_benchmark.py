@@ -136,6 +136,10 @@ def test_the_report_shows_what_is_published_when_nothing_is_ones_own(monkeypatch
     status, out, _ = flatquad(monkeypatch, capsys, "report", "--out", "mine.html", "--json")
     assert status == 0
     assert json.loads(out) == {"report": str(tmp_path / "mine.html"), "bytes": (tmp_path / "mine.html").stat().st_size}
+    (tmp_path / "half.json").write_text('{"schema": 1, "cel')
+    status, _, err = flatquad(monkeypatch, capsys, "report", "--results", "half.json")
+    assert status == 2
+    assert "half.json holds no results that can be read" in err
     status, _, err = flatquad(monkeypatch, capsys, "report", "--results", "missing.json")
     assert status == 2
     assert "there is no missing.json" in err
