@@ -5,7 +5,7 @@ from flatgym.extras import require
 require("agents", "stable_baselines3", "sb3_contrib", "torch", "minari", "pandas")
 
 from agents import demonstrations, imitation, policies
-from agents.advice import regulated, replanned
+from agents.advice import guided, regulated
 from agents.cascade import Cascade
 from agents.configs import CONFIGS, Config, PPOConfig, SACConfig, TD3Config, TQCConfig, config_of
 from agents.evaluate import FasterThanOptimal, Flights, evaluate, flight_rows, fly
@@ -39,12 +39,12 @@ __all__ = [
     "evaluate",
     "flight_rows",
     "fly",
+    "guided",
     "imitation",
     "make_vec_env",
     "policies",
     "regulated",
     "relative_state",
-    "replanned",
     "summary",
     "train",
 ]

@@ -1,9 +1,10 @@
 """Advice: what an expert would have done where a learner came to - the half of DAgger that knows the optimum.
 
 On one scenario the expert is the regulator about its optimal flight, and advises at every step. On a distribution
-every flight has another optimum: there the expert plans anew from states that the learner came to, and what it would
-have flown from them is shown. Who has missed a hoop is too far from any plan; how to come back is shown by the
-cascaded controller, which is slow but gets there. It is shown nowhere else, or learners would become as slow.
+every flight has a regulator of its own. Their advice is cheap, and leads through the hoops; but how to reach the goal
+soonest from where a learner comes out of the last hoop only planning anew tells, and there it takes milliseconds. Who
+has missed a hoop, or is far from any flight that is known, is shown the way back by the cascaded controller, which is
+slow but gets there. It is shown nowhere else, or learners would become as slow.
 """
 
 from __future__ import annotations
@@ -18,121 +19,157 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
 from agents.cascade import Cascade
-from agents.evaluate import fly
-from agents.experts import Expert, tolerances
+from agents.evaluate import Policy, fly
+from agents.experts import Experts
 from agents.imitation import Adviser, Shown, joined, mirrored
+from agents.regulator import tolerances
 from agents.replanner import continuations
 from flatgym import task
 from flatgym.distributions import Distribution
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario, Tolerance
-from flatgym.scene import OUTCOMES, Integers, Scene, Situation
-from flatgym.vector import FlatQuadVectorEnv
+from flatgym.scene import FLYING, Integers, Scene, Situation
 from optimal.steps import FewestSteps, judged
 
 SCATTER = tolerances(Tolerance())
 """Standard deviations by which starts are scattered, times `scatter` [m, m, m/s, m/s, rad]: the tolerance's."""
-THIRD = 3
-"""Of the states from which a learner is to come back, one in so many is shown."""
 ASTRAY = 30.0
-"""How far from the expert's flight, in tolerances, a learner's flight is given up."""
+"""How far from the expert's flight, in tolerances, a learner is lost."""
+LENIENT = 2
+"""Points of the expert's flight by which a learner may be late in passing a hoop; later he has missed it."""
+THIRD = 3
+"""Of hovering at the goal, and of coming back, which take long, one step in so many is shown."""
+WINDOW = range(-6, 4)
+"""Points of a flight, about the one that is due, the nearest of which a learner in general is advised by."""
 
 
 def regulated(
-    expert: Expert, scenario: Scenario, *, flights: int = 32, scatter: float = 0.05, noise: float = 0.05, seed: int = 0
+    flights: Sequence[FewestSteps],
+    *,
+    count: int = 32,
+    scatter: float = 0.05,
+    noise: float = 0.05,
+    window: Sequence[int] = (0,),
+    rescuer: Policy | None = None,
+    seed: int = 0,
 ) -> Adviser:
-    """Return the advice of the regulator about an optimal flight.
+    """Return the advice of the regulators about optimal flights.
 
     Args:
-        expert: the regulator.
-        scenario: what is flown.
-        flights: of each round, the first of them from the very start and without noise.
+        flights: the optimal flights, of scenarios of one vehicle.
+        count: flights of a round; of the expert alone all. The first is begun at the very start of the first of
+            `flights`, and flown without noise; the others are about flights drawn from among them.
         scatter: how far the others' starts are scattered, as a factor on SCATTER.
         noise: standard deviation of the noise on the actions of half of them.
-        seed: of scatter and noise.
+        window: as in `Experts`.
+        rescuer: who advises those that are lost: after a missed hoop until the last one is passed, and where the
+            expert's flight is too far. Without one their flights are given up.
+        seed: of choice, scatter and noise.
     """
+    experts = Experts(flights, window)
+    due = experts.hoops_passed()
 
     def advise(learner: PPO | None, number: int) -> Shown:
         generator = np.random.default_rng((seed, number))
-        envs = FlatQuadVectorEnv(flights, scenario=scenario, reward="sparse")
-        start = scenario.start_state + scatter * SCATTER * generator.normal(size=(flights, 5))
-        start[0] = scenario.start_state
-        if scenario.floor is not None:
-            start[:, 1] = np.maximum(start[:, 1], scenario.floor)
-        observations, infos = envs.reset(seed=0, options={"state": start})
-        spread, flying = noise * (np.arange(flights) % 2)[:, None], np.ones(flights, dtype=bool)
-        seen, told = [], []
-        while flying.any():
-            advice = expert.action(infos["state"], infos["steps"])
-            seen.append(observations[flying])
-            told.append(advice[flying])
+        size = max(count, len(flights)) if learner is None else count
+        which = np.append(0, generator.permutation(np.arange(1, max(size, len(flights))))[: size - 1] % len(flights))
+        scene, start = Scene.of([flights[i].scenario for i in which]), experts.states[which, 0]
+        start[1:] += scatter * SCATTER * generator.normal(size=(size - 1, 5))
+        start[:, 1] = np.clip(start[:, 1], scene.floor, scene.ceiling)
+        none, spread = np.zeros(size, dtype=np.int64), noise * (np.arange(size) % 2)[:, None]
+        situation, point, missed = Situation(start, none, none, none), none - 1, none > 0
+        seen, told, flown = [], [], 0
+        while True:
+            point, off, distance = experts.nearest(which, situation.state, point)
+            missed |= situation.hoops_passed < due[which, np.maximum(point - LENIENT, 0)]
+            lost = (missed & (situation.hoops_passed < scene.hoop_count)) | (distance >= ASTRAY)
+            flying = (situation.outcome == FLYING) & ~(lost & (rescuer is None))
+            if not flying.any():
+                break
+            observations, advice = task.observe(scene, situation), experts.action(which, point, off)
+            if rescuer is not None:
+                advice = np.where(lost[:, None], rescuer.predict(observations)[0], advice)
+            slow = lost | (point == experts.last[which])
+            wanted = flying & (~slow | (situation.steps % THIRD == 0))
+            seen.append(observations[wanted])
+            told.append(advice[wanted])
+            flown += int(flying.sum())
             actions = advice if learner is None else learner.predict(observations, deterministic=True)[0]
-            actions = np.clip(actions + spread * generator.normal(size=(flights, 2)), -1, 1)
-            observations, _, _, _, infos = envs.step(actions)
-            flying &= infos["outcome"] == OUTCOMES[0]
-            flying &= expert.distance(infos["state"], infos["steps"]) < ASTRAY
-        steps = sum(map(len, told))
-        return Shown(np.concatenate(seen), np.concatenate(told), 0 if learner is None else steps, steps)
+            actions = np.clip(actions + spread * generator.normal(size=actions.shape), -1, 1)
+            situation = task.advance(scene, situation, scene.quadrotor.control(actions))
+        shown = joined([Shown(*both, asked=len(both[0])) for both in zip(seen, told, strict=True)])
+        return shown._replace(flown=0 if learner is None else flown)
 
     return advise
 
 
-def replanned(
+def guided(
     flights: Sequence[FewestSteps],
     distribution: Distribution,
     *,
-    count: int = 200,
-    every: int = 12,
+    count: int = 1600,
+    planned: int = 300,
+    every: int = 5,
     ahead: int = 30,
-    extra: int = 20,
+    weight: int = 4,
+    seed: int = 0,
     jobs: int = -1,
 ) -> Adviser:
-    """Return the advice of the expert that plans anew, on flights through drawn scenarios; in a mirror too.
+    """Return the advice of all who know a part of a drawn scenario, on flights through such; in a mirror too.
 
-    What is shown at first, the optimal flights themselves, is shown backwards in time as well.
+    The regulators about the optimal flights, these being flown backwards in time as well, and the cascaded controller
+    for those that are lost; behind the last hoop, whoever plans anew.
 
     Args:
-        flights: optimal flights of `distribution.scenario(i)`, i = 0, 1, ..., or of the same with narrower hoops,
-            through which it is then planned where it can be.
+        flights: optimal flights of `distribution.scenario(i)`, i = 0, 1, ..., or of the same with narrower hoops.
         distribution: from which they are drawn.
-        count: flights of a round.
+        count: flights of a round with a regulator.
+        planned: flights of a round from which it is planned anew.
         every: steps between plans.
         ahead: steps of a plan that are shown.
-        extra: steps beyond K* that a learner's flight is followed.
+        weight: how often a plan counts.
+        seed: of scatter and noise.
         jobs: worker processes.
     """
-    scenarios = [distribution.scenario(i) for i in range(len(flights))]
-
-    def one(number: int, states: Array, actions: NDArray[np.float32]) -> list[Shown]:
-        flight, scenario = flights[number], scenarios[number]
-        passed, last = hoops_along(scenario, states, actions), min(len(flight.actions) + extra, len(states) - 1)
-        plans = list(continuations(flight, states[:last], passed[:last], every, scenario))
-        shown = [
-            seen_along(scenario, plan.states[: ahead + 1], plan.actions[:ahead], plan.step, plan.hoops_passed)
-            for plan in plans
-        ]
-        lost = min(last, (plans[-1].step if plans else 0) + every)
-        missed = lost + np.flatnonzero(passed[lost:-1] < len(scenario.hoops))
-        return [*shown, brought_back(scenario, states[missed], passed[missed], missed)]
+    own = [replace(flight, scenario=distribution.scenario(i)) for i, flight in enumerate(flights)]
+    rescuer = Cascade(distribution.quadrotor)
+    about = regulated([*own, *map(backwards, own)], count=count, scatter=0.3, window=WINDOW, rescuer=rescuer, seed=seed)
 
     def advise(learner: PPO | None, number: int) -> Shown:
         if learner is None:
-            own = [
-                (scenario, flight.states, flight.actions) for scenario, flight in zip(scenarios, flights, strict=True)
-            ]
-            seen = [seen_along(*one) for one in own]
-            back = [seen_along(*backwards(*one))._replace(asked=0) for one in own]
-            return mirrored(joined([*seen, *back]))
-        first = (number * count) % max(1, len(flights) - count)
-        found = fly(learner, distribution, min(count, len(flights)), first)
-        calls = [
-            joblib.delayed(one)(first + i, states, actions)
-            for i, (states, actions) in enumerate(zip(found.states, found.actions, strict=True))
-        ]
-        shown = [part for parts in joblib.Parallel(n_jobs=jobs)(calls) for part in parts]
-        return mirrored(joined(shown))._replace(flown=int(found.steps.sum()))
+            return mirrored(about(None, number))
+        first = (number * planned) % max(1, len(own) - planned)
+        flown = fly(learner, distribution, min(planned, len(own)), first)
+        calls = (
+            joblib.delayed(corrected)(flight, states, actions, every, ahead)
+            for flight, states, actions in zip(own[first:], flown.states, flown.actions, strict=False)
+        )
+        plans = joined(joblib.Parallel(n_jobs=jobs)(calls))._replace(flown=int(flown.steps.sum()))
+        again = [plans._replace(flown=0, asked=0)] * (weight - 1)
+        return mirrored(joined([about(learner, number), plans, *again]))
 
     return advise
+
+
+def corrected(flight: FewestSteps, states: Array, actions: NDArray[np.float32], every: int, ahead: int) -> Shown:
+    """Return what should have been done behind the last hoop on another's flight than the scenario's optimal one.
+
+    Args:
+        flight: the optimal one.
+        states: of the other, shape (K+1, 5).
+        actions: of the other, shape (K, 2).
+        every, ahead: as in `guided`.
+    """
+    scenario = flight.scenario
+    passed = hoops_along(scenario, states, actions)[:-1]
+    through = np.flatnonzero(passed == len(scenario.hoops))
+    plans = continuations(flight, states[:-1], passed, every, since=int(through[0])) if len(through) else ()
+    return joined(
+        [
+            seen_along(scenario, plan.states[: ahead + 1], plan.actions[:ahead], plan.step, plan.hoops_passed)
+            for plan in plans
+        ]
+    )
 
 
 def seen_along(scenario: Scenario, states: Array, actions: NDArray[Any], step: int = 0, hoops_passed: int = 0) -> Shown:
@@ -146,30 +183,14 @@ def seen_along(scenario: Scenario, states: Array, actions: NDArray[Any], step: i
     )
 
 
-def brought_back(scenario: Scenario, states: Array, passed: Integers, steps: Integers) -> Shown:
-    """Return what the cascaded controller would do in states (n, 5) after steps (n,) with hoops passed (n,).
-
-    Every THIRD of them is shown: it is the same for long.
-    """
-    steps = np.minimum(steps, scenario.max_steps - 1)[::THIRD]
-    if not len(steps):
-        return joined([])
-    situation = Situation(states[::THIRD], steps, passed[::THIRD], np.zeros(len(steps), dtype=np.int64))
-    seen = task.observe(Scene.of([scenario] * len(steps)), situation)
-    return Shown(seen, Cascade(scenario.quadrotor).predict(seen)[0], asked=len(steps))
-
-
-def backwards(scenario: Scenario, states: Array, actions: NDArray[Any]) -> tuple[Scenario, Array, NDArray[Any]]:
-    """Return a flight backwards in time - the same thrust, tilt and path, the rate reversed - and where it is one.
-
-    Args:
-        scenario: what is flown.
-        states: shape (K+1, 5).
-        actions: shape (K, 2).
-    """
+def backwards(flight: FewestSteps) -> FewestSteps:
+    """Return a flight backwards in time, from goal to start: the same thrust, tilt and path, the rate reversed."""
+    scenario = flight.scenario
     hoops = tuple(replace(hoop, angle=hoop.angle + np.pi) for hoop in scenario.hoops[::-1])
     turned = replace(scenario, start=scenario.goal, goal=scenario.start, hoops=hoops)
-    return turned, states[::-1] * (1, 1, -1, -1, 1), actions[::-1] * np.array([1, -1], dtype=actions.dtype)
+    states = (flight.states - [0, 0, 0, 0, 2 * np.pi * flight.winding])[::-1] * (1, 1, -1, -1, 1)
+    actions = flight.actions[::-1] * np.array([1, -1], dtype=np.float32)
+    return replace(flight, scenario=turned, states=states, actions=actions, winding=-flight.winding)
 
 
 def hoops_along(scenario: Scenario, states: Array, actions: NDArray[Any], passed: int = 0) -> Integers:

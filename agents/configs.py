@@ -84,6 +84,8 @@ class Config(Checked):
     """Units of each hidden layer of the critic; 0 for as many as the actor's."""
     zoom: Positive = 3.0
     """Factor on all observations but the attitude, before the network."""
+    guidance: bool = False
+    """Whether the network sees what guidance laws steer by as well, and not the time; see `agents.guidance`."""
     learning_rate: Positive = 1e-3
     """Learning rate, of the first update where it changes."""
     discount: Share = 0.98

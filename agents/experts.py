@@ -1,44 +1,34 @@
-"""Experts: a flight known to be optimal, flown with feedback.
+"""Experts: flights known to be optimal, flown with feedback.
 
     Expert(fewest_steps("hoop")).predict(observations)
 
 Feed-forward alone, the actions of the flight as they stand, ends at the goal only if nothing interferes. So the
-controls are corrected by a time-varying linear-quadratic regulator about the flight (Anderson and Moore 1990): with
-x the deviation of the state from where the flight is at step k,
-
-    u = u_k - K_k x,   K_k = (R + B' P B)^-1 B' P A,   P_k = Q + A' P A - A' P B K_k,
-
-A and B the derivatives of the exact step there, and P at the end such that a deviation as large as the tolerance
-costs 1. Who is late, as by a delay or too heavy a vehicle, is not to catch up what cannot be caught up: k is the
-nearest of the last steps, not the present one. After its last step the expert hovers at the goal, with the regulator
-of that.
+controls are corrected by the regulator about the flight (`agents.regulator`): u = u_k - K_k x, with x the deviation
+of the state from where the flight is at step k. Who is late, as by a delay or too heavy a vehicle, is not to catch up
+what cannot be caught up: k is the nearest of the last steps, not the present one. After its last step the expert
+hovers at the goal, with the regulator of that. `Experts` are many, each about a flight of its own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve_discrete_are
 
+from agents.regulator import regulator, terminal_cost
 from agents.seen import Seen, relative_state
-from flatgym.quadrotor import Array, Quadrotor
-from flatgym.scenario import Scenario, Tolerance
+from flatgym import task
+from flatgym.quadrotor import Array
+from flatgym.scenario import Scenario
+from flatgym.scene import Integers, Scene
 from optimal.solution import Solution
 from optimal.steps import FewestSteps
 
-PUSH = 1e-6
-"""Half the difference of states and controls from which derivatives are taken."""
-EFFORT = 1.0
-"""What a correction as large as half the control's range costs, where one of the state as large as the tolerance
-costs 1 at the end."""
-DRIFT = 0.002
-"""What such a deviation costs at each step on the way."""
 LATE = 12
 """How many points of a flight back, as `Expert` has it, a vehicle may be late."""
-HELD = 10.0
-"""Factor on the cost of correcting a control that stands at its limit: it can move one way only."""
 
 
 class Expert:
@@ -91,6 +81,63 @@ class Expert:
         return np.take_along_axis(points, best, -1)[..., 0], np.take_along_axis(off, best[..., None], -2)[..., 0, :]
 
 
+class Experts:
+    """Many flights, each flown by its own regulator.
+
+    Args:
+        flights: of scenarios of one vehicle, step and tolerance.
+        window: points of a flight, counted from that after the one which was nearest before, among which the nearest
+            is looked for; with (0,) a vehicle is to be where its flight is at this very step.
+
+    Attributes:
+        scene: the scenarios.
+        last: the point of each flight from which on it hovers, shape (n,).
+
+    Raises:
+        ValueError: for an answer without a flight, and for different vehicles.
+    """
+
+    def __init__(self, flights: Sequence[FewestSteps], window: Sequence[int] = (0,)) -> None:
+        self.window, self.scenario = np.asarray(window), flights[0].scenario
+        self.scene = Scene.of([flight.scenario for flight in flights])
+        flown = [in_steps(flight) for flight in flights]
+        self.last = np.array([len(controls) - 1 for _, controls in flown])
+        self.states, self.controls = (
+            np.stack([held(one, self.last.max() + 1) for one in ones]) for ones in zip(*flown, strict=True)
+        )
+        self.gains = regulator(self.scenario, self.states, self.controls, self.last)
+        self._weights = np.diag(terminal_cost(self.scenario.tolerance))
+
+    def hoops_passed(self) -> Integers:
+        """Return how many hoops each flight has passed at each of its points, shape (n, K)."""
+        situation = task.initial(self.scene)
+        passed = [situation.hoops_passed]
+        for states, controls in zip(self.states.swapaxes(0, 1), self.controls[:, :-1].swapaxes(0, 1), strict=False):
+            situation = task.advance(self.scene, replace(situation, state=states), controls)
+            passed.append(situation.hoops_passed)
+        return np.stack(passed, axis=1)
+
+    def nearest(self, which: Integers, state: Array, before: Integers) -> tuple[Integers, Array, Array]:
+        """Return the nearest points (m,) of flights, how far off them states are (m, 5), and in tolerances (m,).
+
+        Args:
+            which: the flights, shape (m,).
+            state: shape (m, 5); whole turns do not matter.
+            before: the points that were nearest a step before, shape (m,); -1 at first.
+        """
+        points = np.clip(before[:, None] + 1 + self.window, 0, self.last[which][:, None])
+        off = state[:, None] - self.states[which[:, None], points]
+        off[..., 4] -= 2 * np.pi * np.round(off[..., 4] / (2 * np.pi))
+        far = np.square(off) @ self._weights
+        row, best = np.arange(len(which)), np.argmin(far, axis=1)
+        return points[row, best], off[row, best], np.sqrt(far[row, best])
+
+    def action(self, which: Integers, point: Integers, off: Array) -> NDArray[np.float32]:
+        """Return actions (m, 2) of flights (m,) at points (m,), states being so far off (m, 5)."""
+        control = self.controls[which, point] - np.einsum("nij,nj->ni", self.gains[which, point], off)
+        return np.clip(self.scenario.quadrotor.action(control), -1, 1).astype(np.float32)
+
+
 class Tape:
     """A flight's actions played as they stand, whatever is seen: what feedback has to beat.
 
@@ -141,43 +188,6 @@ def in_steps(flight: FewestSteps | Solution) -> tuple[Array, Array]:
     return np.vstack([states, scenario.goal_state]), np.vstack([controls, hover])
 
 
-def regulator(scenario: Scenario, states: Array, controls: Array) -> Array:
-    """Return the gains of the regulator about states (n, 5) and controls (n, 2), shape (n, 2, 5); the last for ever."""
-    quadrotor, dt = scenario.quadrotor, scenario.dt
-    a, b = derivatives(quadrotor, states, controls, dt)
-    arrived = terminal_cost(scenario.tolerance)
-    half = (quadrotor.control_high - quadrotor.control_low) / 2
-    cheap = np.diag(EFFORT / half**2)
-    gains = np.zeros((len(states), 2, 5))
-    forever = solve_discrete_are(a[-1], b[-1], DRIFT * arrived, cheap)
-    gains[-1] = gain(a[-1], b[-1], cheap, forever)
-    cost = arrived
-    for k in range(len(states) - 2, -1, -1):
-        held = np.abs(quadrotor.action(controls[k])) > 1 - 1e-6
-        effort = cheap * np.diag(np.where(held, HELD, 1.0))
-        gains[k] = gain(a[k], b[k], effort, cost)
-        cost = DRIFT * arrived + a[k].T @ cost @ (a[k] - b[k] @ gains[k])
-    return gains
-
-
-def gain(a: Array, b: Array, effort: Array, cost: Array) -> Array:
-    """Return the gain of one step, shape (2, 5)."""
-    return np.asarray(np.linalg.solve(effort + b.T @ cost @ b, b.T @ cost @ a))
-
-
-def terminal_cost(tolerance: Tolerance) -> Array:
-    """Return the cost of a deviation at the goal, 1 at each tolerance, shape (5, 5)."""
-    return np.diag(1.0 / np.square(tolerances(tolerance)))
-
-
-def tolerances(tolerance: Tolerance) -> Array:
-    """Return the tolerance of each component of a state, shape (5,)."""
-    return np.array([tolerance.position] * 2 + [tolerance.speed] * 2 + [tolerance.angle])
-
-
-def derivatives(quadrotor: Quadrotor, states: Array, controls: Array, dt: float) -> tuple[Array, Array]:
-    """Return the derivatives of the step by state and by control, shapes (n, 5, 5) and (n, 5, 2)."""
-    push = PUSH * np.eye(7)[:, None]
-    up, down = (quadrotor.step(states + s * push[..., :5], controls + s * push[..., 5:], dt) for s in (1, -1))
-    both = np.moveaxis((up - down) / (2 * PUSH), 0, -1)
-    return both[..., :5], both[..., 5:]
+def held(rows: Array, count: int) -> Array:
+    """Return `count` rows, the last of them again and again."""
+    return np.concatenate([rows, np.repeat(rows[-1:], count - len(rows), axis=0)])

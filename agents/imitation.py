@@ -48,6 +48,8 @@ class CloneConfig(Checked):
     """Hidden layers."""
     zoom: Positive = 8.0
     """Factor on all observations but the attitude, before the network: bang-bang controls switch within centimetres."""
+    guidance: bool = False
+    """Whether the network sees what guidance laws steer by as well, and not the time; see `agents.guidance`."""
     learning_rate: Positive = 2e-3
     """Learning rate at the beginning, falling along a cosine."""
     batch: Count = 512
@@ -139,6 +141,7 @@ def student(config: CloneConfig) -> PPO:
             depth=config.depth,
             value_width=64,
             zoom=config.zoom,
+            guidance=config.guidance,
             num_envs=1,
             batch=64,
         )

@@ -28,7 +28,9 @@ class Zoom(BaseFeaturesExtractor):
         return observations * self.scale
 
 
-def network(critic: str, width: int, depth: int, value_width: int, zoom: float) -> dict[str, Any]:
+def network(
+    critic: str, width: int, depth: int, value_width: int, zoom: float, features: type[Zoom] = Zoom
+) -> dict[str, Any]:
     """Return SB3's `policy_kwargs` of an actor and a critic that share nothing but what they see.
 
     Args:
@@ -37,11 +39,12 @@ def network(critic: str, width: int, depth: int, value_width: int, zoom: float) 
         depth: hidden layers of either.
         value_width: units of each hidden layer of the critic; 0 for as many as the actor's.
         zoom: factor of `Zoom`.
+        features: what is made of the observations.
     """
     return {
         "net_arch": {"pi": [width] * depth, critic: [value_width or width] * depth},
         "activation_fn": torch.nn.ELU,
-        "features_extractor_class": Zoom,
+        "features_extractor_class": features,
         "features_extractor_kwargs": {"factor": zoom},
     }
 

@@ -23,7 +23,7 @@ from flatgym.scenario import Scenario
 from optimal.replanning import STRIDES, Underway, replan, rest
 from optimal.steps import FewestSteps, Found
 
-PATIENCE = 2
+PATIENCE = 4
 """How many strides of `optimal.replanning` are tried in `continuations`: what fails takes longest."""
 
 
@@ -37,11 +37,7 @@ class Continuation(NamedTuple):
 
 
 def continuations(
-    flight: FewestSteps,
-    states: Array,
-    hoops_passed: NDArray[np.int64],
-    every: int = 8,
-    scenario: Scenario | None = None,
+    flight: FewestSteps, states: Array, hoops_passed: NDArray[np.int64], every: int = 8, since: int = 0
 ) -> Iterator[Continuation]:
     """Yield the plans from every so many states of another flight of the same scenario, until none is found.
 
@@ -50,19 +46,16 @@ def continuations(
         states: where the other flight was, tilt not wrapped, shape (T, 5).
         hoops_passed: the hoops it had passed there, shape (T,).
         every: steps between plans.
-        scenario: the scenario with wider hoops, through which is planned what finds no way through the flight's own.
+        since: step of the first of them, at its earliest 1.
     """
-    plan, begun = Found(flight.actions, flight.states, flight.winding, 0.0), 0
-    tried = [flight.scenario] if scenario in (None, flight.scenario) else [flight.scenario, scenario]
-    for step in range(every, len(states), every):
-        passed, left = int(hoops_passed[step]), rest(plan, step - begun, flight.scenario)
-        tasks = (Underway.of(one, states[step], passed) for one in tried)
-        plans = (replan(task, left, plan.winding, STRIDES[:PATIENCE]) for task in tasks)
-        found = next((one for one in plans if one is not None), None)
+    plan, begun, scenario = Found(flight.actions, flight.states, flight.winding, 0.0), 0, flight.scenario
+    for step in range(max(1, since), len(states), every):
+        passed, left = int(hoops_passed[step]), rest(plan, step - begun, scenario)
+        found = replan(Underway.of(scenario, states[step], passed), left, plan.winding, STRIDES[:PATIENCE])
         if found is None:  # astray; further on it would be no nearer, and what fails takes longest
             return
         plan, begun = found, step
-        yield Continuation(step, int(hoops_passed[step]), found.states, found.actions)
+        yield Continuation(step, passed, found.states, found.actions)
 
 
 class Replanner:

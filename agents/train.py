@@ -28,7 +28,8 @@ from stable_baselines3.common.vec_env import VecEnv
 from agents import checkpoints, policies
 from agents.configs import Config, OffPolicyConfig, PPOConfig, SACConfig, TD3Config, TQCConfig
 from agents.curriculum import GentleFailure, curriculum
-from agents.networks import network
+from agents.guidance import Guidance
+from agents.networks import Zoom, network
 from agents.schedules import Point, PPOSchedules, Progress, Schedules, curve_file, model_file, read_curve
 from agents.vec_env import make_vec_env
 from flatgym.extras import require
@@ -78,8 +79,8 @@ def build(config: Config) -> BaseAlgorithm:
     if start is not None:
         arguments = dict(start.policy_kwargs)
     else:
-        critic = "vf" if isinstance(config, PPOConfig) else "qf"
-        arguments = network(critic, config.width, config.depth, config.value_width, config.zoom)
+        critic, seen = "vf" if isinstance(config, PPOConfig) else "qf", Guidance if config.guidance else Zoom
+        arguments = network(critic, config.width, config.depth, config.value_width, config.zoom, seen)
     if isinstance(config, PPOConfig):
         arguments["log_std_init"] = config.log_std
     model = kind(

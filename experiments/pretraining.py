@@ -5,8 +5,9 @@
 On a named scenario: the optimal flight, planned through hoops narrower than they are and clear of the floor, so that a
 learner may err; DAgger under the regulator about it, first from starts scattered widely and then closely, until the
 learner flies in as many steps or time is up. On a distribution: optimal flights of many drawn scenarios, and DAgger
-under the expert that plans anew. Beside each policy lies a card with what made it: configuration, seed, command,
-versions, wall time, score.
+under the regulators about them, under whoever plans anew behind the last hoop, and under the controller that leads
+back to a missed one. Beside each policy lies a card with what made it: configuration, seed, command, versions, wall
+time, score.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,8 @@ import joblib
 import torch
 
 from agents import policies
-from agents.advice import regulated, replanned
+from agents.advice import guided, regulated
 from agents.evaluate import evaluate
-from agents.experts import Expert
 from agents.imitation import DaggerConfig, Keeper, dagger, student
 from agents.schedules import Point
 from experiments.files import plain, write_json
@@ -47,19 +47,13 @@ PRECISE = DaggerConfig(updates=2000, rounds=60, learning_rate=1e-3, seconds=800.
 """What it is trained with then, where it is not at K* yet; seconds count from the beginning of the first."""
 STAGES = ((SPECIAL, 0.05), (PRECISE, 0.02))
 """Both, and how far starts and actions are scattered, as `agents.advice.regulated` has it."""
-GENERAL = {
-    "random-goal": DaggerConfig(
-        width=160, zoom=6.0, batch=1024, updates=2500, rounds=6, seconds=1200.0, check_episodes=300
-    ),
-    "random-hoops": DaggerConfig(
-        width=160, zoom=6.0, batch=1024, updates=4000, rounds=16, seconds=1800.0, check_episodes=300
-    ),
-}
+WIDE = DaggerConfig(
+    width=256, zoom=6.0, guidance=True, batch=1024, updates=3000, rounds=24, seconds=3600.0, check_episodes=300
+)
+GENERAL = {"random-goal": replace(WIDE, width=160, rounds=8), "random-hoops": WIDE}
 """What policies for distributions are trained with."""
-FLIGHTS = {"random-goal": 2600, "random-hoops": 800}
+FLIGHTS = {"random-goal": 2600, "random-hoops": 3000}
 """Optimal flights to begin with."""
-COUNTS = {"random-goal": 200, "random-hoops": 200}
-"""Flights of a round that the expert advises."""
 EPISODES = {"random-goal": 1000, "random-hoops": 300}
 """Flights by which a policy for a distribution is scored, unseen, of known K*."""
 INNER = 0.5
@@ -100,11 +94,11 @@ def specialist(name: str, seed: int, out: Path, command: str) -> dict[str, Any]:
     began, target = time.perf_counter(), SCENARIOS[name]
     stages = [(replace(stage, scenario=name, seed=seed), scatter) for stage, scatter in STAGES]
     flight = teacher(target)
-    expert, keeper = Expert(flight, late=1), Keeper(stages[0][0], target=flight.steps)
+    keeper = Keeper(stages[0][0], target=flight.steps)
     model = student(stages[0][0])
     for config, scatter in stages:
         if not keeper.satisfied:
-            model = dagger(model, regulated(expert, target, scatter=scatter, noise=scatter, seed=seed), config, keeper)
+            model = dagger(model, regulated([flight], scatter=scatter, noise=scatter, seed=seed), config, keeper)
     wall_time = time.perf_counter() - began
     policies.save(model, out / f"{name}.zip", name)
     scores = evaluate(
@@ -122,19 +116,21 @@ def specialist(name: str, seed: int, out: Path, command: str) -> dict[str, Any]:
     )
 
 
-def generalist(name: str, seed: int, out: Path, command: str, jobs: int = -1) -> dict[str, Any]:
-    """Train a policy for a distribution, write it and its card, and return the card."""
-    torch.set_num_threads(1)
+def generalist(
+    name: str, seed: int, out: Path, command: str, jobs: int = -1, watch: Callable[[Point], Any] = lambda _: None
+) -> dict[str, Any]:
+    """Train a policy for a distribution, write it and its card, and return the card; `watch` is told each round."""
+    torch.set_num_threads(joblib.effective_n_jobs(jobs))
     began, distribution = time.perf_counter(), DISTRIBUTIONS[name]
     config = replace(GENERAL[name], scenario=name, seed=seed)
     drawn = [inner(distribution.scenario(i), INNER) for i in range(FLIGHTS[name])]
     before = len(list(STORE.glob(f"{name}-*.json")))
     flights = fewest_steps_many(drawn, jobs=jobs, store=STORE)
     planned = time.perf_counter()
-    keeper = Keeper(config)
-    model = dagger(student(config), replanned(flights, distribution, count=COUNTS[name], jobs=jobs), config, keeper)
+    keeper = Keeper(config, watch=watch)
+    model = dagger(student(config), guided(flights, distribution, seed=seed, jobs=jobs), config, keeper)
     wall_time = time.perf_counter() - began
-    policies.save(model, out / f"{name}.zip", name)
+    policies.save(policies.rounded(model), out / f"{name}.zip", name)
     scores = evaluate(
         model,
         name,
@@ -192,7 +188,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     with progress_bar() as bar:
         work = bar.add_task("policies", total=len(asked.names), note="")
-        general = (generalist(*told(name)) for name in asked.names if name in DISTRIBUTIONS)
+
+        def watch(point: Point) -> None:
+            success, steps = point["success_rate"], point["steps"]
+            bar.console.print(f"after {point['wall_time_s']:.0f} s: {success:.1%} succeed, in {steps:.1f} steps")
+
+        general = (generalist(*told(name), watch=watch) for name in asked.names if name in DISTRIBUTIONS)
         calls = [joblib.delayed(specialist)(*told(name)) for name in asked.names if name in SCENARIOS]
         special = joblib.Parallel(n_jobs=-1, return_as="generator_unordered")(calls)
         for made in itertools.chain(general, special):

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
 from agents import policies
-from agents.advice import regulated, replanned
+from agents.advice import guided, regulated
 from agents.cascade import Cascade
 from agents.configs import Config, PPOConfig, SACConfig
 from agents.evaluate import Policy
@@ -58,7 +58,8 @@ class Sizes:
         updates: gradient steps of a cloning on a scenario, and on a distribution.
         rounds: of DAgger, likewise.
         round_updates: gradient steps of a round, likewise.
-        count, every, ahead: as `agents.advice.replanned` has them.
+        followed: flights of a round of DAgger on a distribution with a regulator.
+        corrected: those from which it is planned anew.
         dagger_s: wall time after which no round begins [s].
         check_episodes: flights of a check on a distribution.
         goals: undisturbed flights of a policy on a distribution.
@@ -76,9 +77,8 @@ class Sizes:
     updates: tuple[int, int] = (4_000, 6_000)
     rounds: tuple[int, int] = (12, 5)
     round_updates: tuple[int, int] = (1_000, 2_500)
-    count: int = 100
-    every: int = 12
-    ahead: int = 30
+    followed: int = 800
+    corrected: int = 100
     dagger_s: float = 100.0
     check_episodes: int = 64
     goals: int = 1_000
@@ -98,9 +98,8 @@ TINY = Sizes(
     updates=(50, 50),
     rounds=(2, 2),
     round_updates=(50, 50),
-    count=2,
-    every=15,
-    ahead=10,
+    followed=4,
+    corrected=2,
     dagger_s=4.0,
     check_episodes=2,
     goals=4,
@@ -254,16 +253,16 @@ def school(lesson: Lesson, flights: int) -> tuple[Counted, float]:
     sizes, target = lesson.sizes, lesson.target
     if isinstance(target, Scenario):
         begun = time.perf_counter()
-        adviser = regulated(Expert(teacher(target), late=1), target, flights=flights, seed=lesson.seed)
+        adviser = regulated([teacher(target)], count=flights, seed=lesson.seed)
         return Counted(adviser), time.perf_counter() - begun
     known, taken = plans(lesson, 0, sizes.planned)
-    adviser = replanned(known, target, count=sizes.count, every=sizes.every, ahead=sizes.ahead, jobs=1)
+    adviser = guided(known, target, count=sizes.followed, planned=sizes.corrected, seed=lesson.seed, jobs=1)
     return Counted(adviser), taken
 
 
 def fitting(lesson: Lesson, updates: int) -> dict[str, Any]:
-    """Return what cloning and DAgger have in common: on a distribution the network is larger."""
-    larger = {"width": 160, "zoom": 6.0, "batch": 1024} if lesson.drawn else {}
+    """Return what cloning and DAgger have in common: on a distribution the network is larger, and sees more."""
+    larger = {"width": 160, "zoom": 6.0, "guidance": True, "batch": 1024} if lesson.drawn else {}
     shared = {"scenario": lesson.problem, "seed": lesson.seed, "updates": updates}
     return shared | {"check_seed": CHECK_SEED, "check_episodes": lesson.sizes.check_episodes} | larger
 

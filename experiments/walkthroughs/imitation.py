@@ -99,10 +99,11 @@ print(pd.DataFrame(scores).to_string(index=False))
 # %%
 scenario = SCENARIOS[NAME]
 narrow = replace(scenario, hoops=tuple(replace(hoop, diameter=0.4 * hoop.diameter) for hoop in scenario.hoops))
-expert = agents.Expert(replace(optimal.fewest_steps(narrow, time_budget=0.0), scenario=scenario), late=1)
+taught = replace(optimal.fewest_steps(narrow, time_budget=0.0), scenario=scenario)
+expert = agents.Expert(taught, late=1)
 rounds = DaggerConfig(scenario=NAME, rounds=2 if QUICK else 8, updates=100 if QUICK else 2000)
 keeper = Keeper(rounds, target=k_star)
-adviser = agents.regulated(expert, scenario, flights=4 if QUICK else 32)
+adviser = agents.regulated([taught], count=4 if QUICK else 32)
 advised = dagger(PPO.load(cloned_file, device="cpu"), adviser, rounds, keeper)
 agents.policies.save(advised, FOLDER / "advised.zip", NAME)
 print(pd.DataFrame(keeper.curve)[["env_steps", "outcome", "steps"]].to_string())

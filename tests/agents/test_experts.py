@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from agents.evaluate import fly
-from agents.experts import Expert, Tape, derivatives
+from agents.experts import Expert, Tape
 from agents.replanner import Replanner
-from flatgym import Disturbances, Quadrotor, Scenario
+from flatgym import Disturbances, Scenario
 from flatgym.reference import reference
 from flatgym.vector import FlatQuadVectorEnv
 from optimal import fewest_steps, solve
@@ -65,16 +65,6 @@ def test_the_replanner_flies_k_star_undisturbed_and_one_vehicle_only(flight):
         assert fly(planner, "horizontal-6").steps[0] == flight.steps
     with pytest.raises(ValueError, match="flies one vehicle, got observations of 2"):
         fly(planner, "horizontal-6", 2)
-
-
-def test_the_derivatives_are_those_of_the_step(generator):
-    quadrotor = Quadrotor()
-    states, controls = generator.normal(size=(5, 5)), np.column_stack([np.full(5, 9.0), generator.normal(size=5)])
-    a, b = derivatives(quadrotor, states, controls, 0.02)
-    push, turn = generator.normal(size=(5, 5)) * 1e-4, generator.normal(size=(5, 2)) * 1e-4
-    change = quadrotor.step(states + push, controls + turn, 0.02) - quadrotor.step(states, controls, 0.02)
-    linear = np.einsum("nij,nj->ni", a, push) + np.einsum("nij,nj->ni", b, turn)
-    np.testing.assert_allclose(change, linear, atol=1e-8)
 
 
 def test_an_answer_without_a_flight_is_refused():
