@@ -51,6 +51,7 @@ def regulated(
     noise: float = 0.05,
     window: Sequence[int] = (0,),
     rescuer: Policy | None = None,
+    hovering: bool = True,
     seed: int = 0,
 ) -> Adviser:
     """Return the advice of the regulators about optimal flights.
@@ -64,6 +65,7 @@ def regulated(
         window: as in `Experts`.
         rescuer: who advises those that are lost: after a missed hoop until the last one is passed, and where the
             expert's flight is too far. Without one their flights are given up.
+        hovering: whether those that come too late are shown how to hover at the goal.
         seed: of choice, scatter and noise.
     """
     experts = Experts(flights, window)
@@ -77,20 +79,20 @@ def regulated(
         start[1:] += scatter * SCATTER * generator.normal(size=(size - 1, 5))
         start[:, 1] = np.clip(start[:, 1], scene.floor, scene.ceiling)
         none, spread = np.zeros(size, dtype=np.int64), noise * (np.arange(size) % 2)[:, None]
-        situation, point, missed = Situation(start, none, none, none), none - 1, none > 0
-        seen, told, flown = [], [], 0
+        situation, point = Situation(start, none, none, none), none - 1
+        flying, missed, seen, told, flown = none == 0, none > 0, [], [], 0
         while True:
             point, off, distance = experts.nearest(which, situation.state, point)
             missed |= situation.hoops_passed < due[which, np.maximum(point - LENIENT, 0)]
             lost = (missed & (situation.hoops_passed < scene.hoop_count)) | (distance >= ASTRAY)
-            flying = (situation.outcome == FLYING) & ~(lost & (rescuer is None))
+            flying &= (situation.outcome == FLYING) & ~(lost & (rescuer is None))
             if not flying.any():
                 break
             observations, advice = task.observe(scene, situation), experts.action(which, point, off)
             if rescuer is not None:
                 advice = np.where(lost[:, None], rescuer.predict(observations)[0], advice)
-            slow = lost | (point == experts.last[which])
-            wanted = flying & (~slow | (situation.steps % THIRD == 0))
+            late = point == experts.last[which]
+            wanted = flying & (~(late | lost) | (situation.steps % THIRD == 0)) & (hovering | ~late | lost)
             seen.append(observations[wanted])
             told.append(advice[wanted])
             flown += int(flying.sum())
@@ -118,7 +120,7 @@ def guided(
     """Return the advice of all who know a part of a drawn scenario, on flights through such; in a mirror too.
 
     The regulators about the optimal flights, these being flown backwards in time as well, and the cascaded controller
-    for those that are lost; behind the last hoop, whoever plans anew.
+    for those that are lost; behind the last hoop, as long as it takes, whoever plans anew.
 
     Args:
         flights: optimal flights of `distribution.scenario(i)`, i = 0, 1, ..., or of the same with narrower hoops.
@@ -133,7 +135,15 @@ def guided(
     """
     own = [replace(flight, scenario=distribution.scenario(i)) for i, flight in enumerate(flights)]
     rescuer = Cascade(distribution.quadrotor)
-    about = regulated([*own, *map(backwards, own)], count=count, scatter=0.3, window=WINDOW, rescuer=rescuer, seed=seed)
+    about = regulated(
+        [*own, *map(backwards, own)],
+        count=count,
+        scatter=0.3,
+        window=WINDOW,
+        rescuer=rescuer,
+        hovering=False,
+        seed=seed,
+    )
 
     def advise(learner: PPO | None, number: int) -> Shown:
         if learner is None:

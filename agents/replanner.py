@@ -20,11 +20,11 @@ from agents.experts import Expert, placed, steps_flown
 from agents.seen import Seen, relative_state
 from flatgym.quadrotor import Array
 from flatgym.scenario import Scenario
-from optimal.replanning import STRIDES, Underway, replan, rest
+from optimal.replanning import Underway, replan, rest
 from optimal.steps import FewestSteps, Found
 
-PATIENCE = 4
-"""How many strides of `optimal.replanning` are tried in `continuations`: what fails takes longest."""
+LONGER = (0, 2, 4, 8, 16)
+"""Strides of `optimal.replanning` in `continuations`: who lingers near the goal is soon as late as his plan is long."""
 
 
 class Continuation(NamedTuple):
@@ -51,7 +51,7 @@ def continuations(
     plan, begun, scenario = Found(flight.actions, flight.states, flight.winding, 0.0), 0, flight.scenario
     for step in range(max(1, since), len(states), every):
         passed, left = int(hoops_passed[step]), rest(plan, step - begun, scenario)
-        found = replan(Underway.of(scenario, states[step], passed), left, plan.winding, STRIDES[:PATIENCE])
+        found = replan(Underway.of(scenario, states[step], passed), left, plan.winding, LONGER)
         if found is None:  # astray; further on it would be no nearer, and what fails takes longest
             return
         plan, begun = found, step

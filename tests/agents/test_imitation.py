@@ -187,7 +187,7 @@ def test_guided_advice_comes_in_mirrored_pairs_and_counts_what_was_flown(drawn):
     again = adviser(model, 1)
     np.testing.assert_array_equal(again.observations, advice.observations)
     about = [*flights, *map(backwards, flights)]
-    followed = regulated(about, count=6, scatter=0.3, window=range(-6, 4), rescuer=Cascade())(model, 1)
+    followed = regulated(about, count=6, scatter=0.3, window=range(-6, 4), rescuer=Cascade(), hovering=False)(model, 1)
     assert advice.flown == followed.flown + fly(model, distribution, 2, 0).steps.sum()
     assert half >= advice.asked > 0
 
@@ -244,9 +244,12 @@ def test_who_has_missed_a_hoop_is_led_back_until_it_is_passed():
 def test_at_the_goal_hovering_is_thinned(flight):
     on_time = regulated([flight], count=3, scatter=0.0, noise=0.0)(None, 0)
     assert len(on_time.actions) == 3 * flight.steps
+    ended = regulated([flight, flight], count=2, scatter=0.0, noise=0.0)(Expert(flight, late=1), 1)
+    assert ended.flown == ended.asked == 2 * flight.steps
     hovering = regulated([flight], count=1)(Aside(Expert(flight, late=1)), 1)
     assert hovering.flown == flight.scenario.max_steps
     assert hovering.asked == flight.steps + len(range(flight.steps + (-flight.steps) % 3, hovering.flown, 3))
+    assert regulated([flight], count=1, hovering=False)(Aside(Expert(flight, late=1)), 1).asked == flight.steps
 
 
 class Aside:

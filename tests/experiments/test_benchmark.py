@@ -165,16 +165,14 @@ def test_steps_flown_and_shown_are_counted(lesson, problem):
     taught = replace(lesson, problem=problem)
     adviser, _ = recipes.school(taught, 2)
     shown = adviser(None, 0)
-    if problem == "random-goal":
-        assert adviser.expert_steps == sum(flight.steps for flight in plans(taught, 0, TINY.planned)[0])
-        assert len(shown.actions) == 4 * adviser.expert_steps  # mirrored, and backwards in time
-    else:
-        assert adviser.expert_steps == len(shown.actions)
+    mirrors = 2 if problem == "random-goal" else 1
+    assert mirrors * adviser.expert_steps == len(shown.actions)
     assert adviser.env_steps == 0
     learner = student(DaggerConfig(scenario=problem, width=8, depth=1))
     before, advice = adviser.expert_steps, adviser(learner, 1)
     if problem == "random-goal":
-        seed = TINY.count % (TINY.planned - TINY.count)
-        assert adviser.env_steps == fly(learner, DISTRIBUTIONS[problem], TINY.count, seed).steps.sum()
+        seed = TINY.corrected % (TINY.planned - TINY.corrected)
+        assert adviser.env_steps > fly(learner, DISTRIBUTIONS[problem], TINY.corrected, seed).steps.sum()
+        assert 0 < 2 * (adviser.expert_steps - before) < len(advice.actions)  # mirrored, and plans count repeatedly
     else:
-        assert adviser.env_steps == adviser.expert_steps - before == len(advice.actions)
+        assert adviser.env_steps >= adviser.expert_steps - before == len(advice.actions)

@@ -20,7 +20,6 @@ def brief(monkeypatch, tmp_path):
     monkeypatch.setattr(pretraining, "STAGES", ((stage, 0.05), (replace(stage, updates=10), 0.02)))
     monkeypatch.setattr(pretraining, "STORE", tmp_path / "flights")
     monkeypatch.setattr(pretraining, "FLIGHTS", {"random-goal": 4})
-    monkeypatch.setattr(pretraining, "COUNTS", {"random-goal": 2})
     monkeypatch.setattr(pretraining, "EPISODES", {"random-goal": 3})
     small = replace(pretraining.GENERAL["random-goal"], width=16, depth=1, updates=20, rounds=2, check_episodes=4)
     monkeypatch.setattr(pretraining, "GENERAL", {"random-goal": small})
