@@ -51,7 +51,7 @@ def regulated(
     noise: float = 0.05,
     window: Sequence[int] = (0,),
     rescuer: Policy | None = None,
-    hovering: bool = True,
+    beyond: bool = True,
     seed: int = 0,
 ) -> Adviser:
     """Return the advice of the regulators about optimal flights.
@@ -65,7 +65,8 @@ def regulated(
         window: as in `Experts`.
         rescuer: who advises those that are lost: after a missed hoop until the last one is passed, and where the
             expert's flight is too far. Without one their flights are given up.
-        hovering: whether those that come too late are shown how to hover at the goal.
+        beyond: whether a learner is advised behind the last hoop too, where the regulator leads him back to the flight
+            he knows, and not to the goal soonest; those that are lost there are.
         seed: of choice, scatter and noise.
     """
     experts = Experts(flights, window)
@@ -91,8 +92,8 @@ def regulated(
             observations, advice = task.observe(scene, situation), experts.action(which, point, off)
             if rescuer is not None:
                 advice = np.where(lost[:, None], rescuer.predict(observations)[0], advice)
-            late = point == experts.last[which]
-            wanted = flying & (~(late | lost) | (situation.steps % THIRD == 0)) & (hovering | ~late | lost)
+            slow, through = lost | (point == experts.last[which]), situation.hoops_passed == scene.hoop_count
+            wanted = flying & (~slow | (situation.steps % THIRD == 0)) & (~through | lost | beyond | (learner is None))
             seen.append(observations[wanted])
             told.append(advice[wanted])
             flown += int(flying.sum())
@@ -110,10 +111,10 @@ def guided(
     distribution: Distribution,
     *,
     count: int = 1600,
-    planned: int = 300,
+    planned: int = 200,
     every: int = 5,
     ahead: int = 30,
-    weight: int = 4,
+    weight: int = 3,
     seed: int = 0,
     jobs: int = -1,
 ) -> Adviser:
@@ -141,7 +142,7 @@ def guided(
         scatter=0.3,
         window=WINDOW,
         rescuer=rescuer,
-        hovering=False,
+        beyond=False,
         seed=seed,
     )
 

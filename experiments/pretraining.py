@@ -48,7 +48,7 @@ PRECISE = DaggerConfig(updates=2000, rounds=60, learning_rate=1e-3, seconds=800.
 STAGES = ((SPECIAL, 0.05), (PRECISE, 0.02))
 """Both, and how far starts and actions are scattered, as `agents.advice.regulated` has it."""
 WIDE = DaggerConfig(
-    width=256, zoom=6.0, guidance=True, batch=1024, updates=3000, rounds=20, seconds=3600.0, check_episodes=300
+    width=256, zoom=6.0, guidance=True, batch=1024, updates=3500, rounds=16, seconds=3600.0, check_episodes=300
 )
 GENERAL = {"random-goal": replace(WIDE, width=160, rounds=8), "random-hoops": WIDE}
 """What policies for distributions are trained with."""

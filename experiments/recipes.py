@@ -78,7 +78,7 @@ class Sizes:
     rounds: tuple[int, int] = (12, 5)
     round_updates: tuple[int, int] = (1_000, 2_500)
     followed: int = 800
-    corrected: int = 100
+    corrected: int = 40
     dagger_s: float = 100.0
     check_episodes: int = 64
     goals: int = 1_000

@@ -187,7 +187,7 @@ def test_guided_advice_comes_in_mirrored_pairs_and_counts_what_was_flown(drawn):
     again = adviser(model, 1)
     np.testing.assert_array_equal(again.observations, advice.observations)
     about = [*flights, *map(backwards, flights)]
-    followed = regulated(about, count=6, scatter=0.3, window=range(-6, 4), rescuer=Cascade(), hovering=False)(model, 1)
+    followed = regulated(about, count=6, scatter=0.3, window=range(-6, 4), rescuer=Cascade(), beyond=False)(model, 1)
     assert advice.flown == followed.flown + fly(model, distribution, 2, 0).steps.sum()
     assert half >= advice.asked > 0
 
@@ -249,7 +249,12 @@ def test_at_the_goal_hovering_is_thinned(flight):
     hovering = regulated([flight], count=1)(Aside(Expert(flight, late=1)), 1)
     assert hovering.flown == flight.scenario.max_steps
     assert hovering.asked == flight.steps + len(range(flight.steps + (-flight.steps) % 3, hovering.flown, 3))
-    assert regulated([flight], count=1, hovering=False)(Aside(Expert(flight, late=1)), 1).asked == flight.steps
+
+
+def test_a_learner_behind_the_last_hoop_may_be_left_to_others(flight):
+    alone = regulated([flight], count=1, beyond=False)
+    assert alone(None, 0).asked == flight.steps
+    assert alone(Expert(flight, late=1), 1).asked == 0  # there is no hoop at all
 
 
 class Aside:
