@@ -38,7 +38,9 @@ ASTRAY = 30.0
 LENIENT = 2
 """Points of the expert's flight by which a learner may be late in passing a hoop; later he has missed it."""
 THIRD = 3
-"""Of hovering at the goal, and of coming back, which take long, one step in so many is shown."""
+"""Of hovering at the goal, which may take long, one step in so many is shown."""
+CAREFUL = 0.5
+"""The share of the tolerance at the goal that plans keep to: it costs a step at most, and a learner may err."""
 WINDOW = range(-6, 4)
 """Points of a flight, about the one that is due, the nearest of which a learner in general is advised by."""
 
@@ -92,8 +94,9 @@ def regulated(
             observations, advice = task.observe(scene, situation), experts.action(which, point, off)
             if rescuer is not None:
                 advice = np.where(lost[:, None], rescuer.predict(observations)[0], advice)
-            slow, through = lost | (point == experts.last[which]), situation.hoops_passed == scene.hoop_count
-            wanted = flying & (~slow | (situation.steps % THIRD == 0)) & (~through | lost | beyond | (learner is None))
+            hovers, through = point == experts.last[which], situation.hoops_passed == scene.hoop_count
+            left_out = (hovers & (situation.steps % THIRD > 0)) | (through & (not beyond) & (learner is not None))
+            wanted = flying & (lost | ~left_out)
             seen.append(observations[wanted])
             told.append(advice[wanted])
             flown += int(flying.sum())
@@ -174,13 +177,19 @@ def corrected(flight: FewestSteps, states: Array, actions: NDArray[np.float32], 
     scenario = flight.scenario
     passed = hoops_along(scenario, states, actions)[:-1]
     through = np.flatnonzero(passed == len(scenario.hoops))
-    plans = continuations(flight, states[:-1], passed, every, since=int(through[0])) if len(through) else ()
+    careful = replace(flight, scenario=replace(scenario, tolerance=stricter(scenario.tolerance)))
+    plans = continuations(careful, states[:-1], passed, every, since=int(through[0])) if len(through) else ()
     return joined(
         [
             seen_along(scenario, plan.states[: ahead + 1], plan.actions[:ahead], plan.step, plan.hoops_passed)
             for plan in plans
         ]
     )
+
+
+def stricter(tolerance: Tolerance) -> Tolerance:
+    """Return the tolerance that plans keep to."""
+    return Tolerance(*(CAREFUL * value for value in (tolerance.position, tolerance.speed, tolerance.angle)))
 
 
 def seen_along(scenario: Scenario, states: Array, actions: NDArray[Any], step: int = 0, hoops_passed: int = 0) -> Shown:

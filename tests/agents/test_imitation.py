@@ -197,7 +197,7 @@ def test_behind_the_last_hoop_who_flies_optimally_is_told_to_go_on(drawn):
         passed = hoops_along(flight.scenario, flight.states, flight.actions)
         since = int(np.argmax(passed == len(flight.scenario.hoops)))
         plan = corrected(flight, flight.states, flight.actions, every=200, ahead=100)
-        assert flight.steps - since - 1 <= plan.asked <= flight.steps - since
+        assert flight.steps - since - 1 <= plan.asked <= flight.steps - since + 1  # a step is what care may cost
         own = seen_along(flight.scenario, flight.states, flight.actions)
         np.testing.assert_allclose(plan.observations[0], own.observations[since], atol=1e-6)
 
@@ -226,7 +226,7 @@ def test_who_is_astray_is_given_up_or_led_back_by_the_rescuer(flight):
     np.testing.assert_array_equal(rescued.actions[: given_up.asked], given_up.actions)
     assert rescued.flown > given_up.flown
     assert (rescued.actions[given_up.asked :] == [-0.25, 0.125]).all()
-    assert rescued.asked < rescued.flown  # one step in THIRD
+    assert rescued.asked == rescued.flown
 
 
 def test_who_has_missed_a_hoop_is_led_back_until_it_is_passed():
