@@ -76,6 +76,20 @@ def test_a_policy_of_the_default_size_is_small(tmp_path):
     assert policies.save(model, tmp_path / "policy.zip").stat().st_size < 60_000
 
 
+def test_a_rounded_policy_is_half_as_long_and_flies_as_it_was_rounded(tmp_path):
+    model = build(PPOConfig(scenario="horizontal-3", num_envs=4, batch=16, width=128))
+    long = policies.save(model, tmp_path / "long.zip").stat().st_size
+    before = actions(model)
+    rounded = policies.rounded(model)
+    short = policies.save(rounded, tmp_path / "short.zip")
+    assert short.stat().st_size < 0.6 * long
+    np.testing.assert_allclose(actions(rounded), before, atol=5e-3)
+    assert all(value.dtype == torch.float32 for value in rounded.policy.parameters())
+    for found in (policies.load(short, trust=True), PPO.load(short, device="cpu")):
+        assert all(value.dtype == torch.float32 for value in found.policy.parameters())
+        np.testing.assert_array_equal(actions(found), actions(rounded))
+
+
 def test_nothing_of_the_training_is_saved(file, models):
     with zipfile.ZipFile(file) as members:
         optimizer = torch.load(io.BytesIO(members.read("policy.optimizer.pth")), weights_only=True)
