@@ -79,7 +79,7 @@ class Sizes:
     round_updates: tuple[int, int] = (1_000, 2_500)
     followed: int = 800
     corrected: int = 40
-    dagger_s: float = 100.0
+    dagger_s: float = 250.0
     check_episodes: int = 64
     goals: int = 1_000
     disturbed: int = 200
