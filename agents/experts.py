@@ -45,10 +45,7 @@ class Expert:
     """
 
     def __init__(self, flight: FewestSteps | Solution, late: int = LATE) -> None:
-        self.late, self.scenario = late, flight.scenario
-        self.states, self.controls = in_steps(flight)
-        self.gains = regulator(self.scenario, self.states, self.controls)
-        self._weights = np.diag(terminal_cost(self.scenario.tolerance))
+        self.scenario, self._experts = flight.scenario, Experts([flight], range(0, -late, -1))
 
     def predict(
         self,
@@ -63,22 +60,9 @@ class Expert:
 
     def action(self, state: Array, step: NDArray[np.int64]) -> NDArray[np.float32]:
         """Return actions (..., 2) for states (..., 5) after so many steps (...); whole turns do not matter."""
-        k, off = self._nearest(state, step)
-        control = self.controls[k] - np.einsum("...ij,...j->...i", self.gains[k], off)
-        return np.clip(self.scenario.quadrotor.action(control), -1, 1).astype(np.float32)
-
-    def distance(self, state: Array, step: NDArray[np.int64]) -> Array:
-        """Return how far states (..., 5) after so many steps (...) are from the flight, in tolerances, shape (...)."""
-        return np.asarray(np.sqrt(np.square(self._nearest(state, step)[1]) @ self._weights))
-
-    def _nearest(self, state: Array, step: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
-        """Return which of the last points of the flight is nearest, and how far from it the states are."""
-        last = np.minimum(step, len(self.controls) - 1)
-        points = np.maximum(last[..., None] - np.arange(self.late), 0)
-        off = state[..., None, :] - self.states[points]
-        off[..., 4] -= 2 * np.pi * np.round(off[..., 4] / (2 * np.pi))
-        best = np.argmin(np.square(off) @ self._weights, axis=-1)[..., None]
-        return np.take_along_axis(points, best, -1)[..., 0], np.take_along_axis(off, best[..., None], -2)[..., 0, :]
+        first = np.zeros_like(step)
+        point, off, _ = self._experts.nearest(first, state, np.minimum(step, self._experts.last[0]) - 1)
+        return self._experts.action(first, point, off)
 
 
 class Experts:
@@ -97,7 +81,7 @@ class Experts:
         ValueError: for an answer without a flight, and for different vehicles.
     """
 
-    def __init__(self, flights: Sequence[FewestSteps], window: Sequence[int] = (0,)) -> None:
+    def __init__(self, flights: Sequence[FewestSteps | Solution], window: Sequence[int] = (0,)) -> None:
         self.window, self.scenario = np.asarray(window), flights[0].scenario
         self.scene = Scene.of([flight.scenario for flight in flights])
         flown = [in_steps(flight) for flight in flights]
@@ -118,23 +102,24 @@ class Experts:
         return np.stack(passed, axis=1)
 
     def nearest(self, which: Integers, state: Array, before: Integers) -> tuple[Integers, Array, Array]:
-        """Return the nearest points (m,) of flights, how far off them states are (m, 5), and in tolerances (m,).
+        """Return the nearest points (...) of flights, how far off them states are (..., 5), and in tolerances (...).
 
         Args:
-            which: the flights, shape (m,).
-            state: shape (m, 5); whole turns do not matter.
-            before: the points that were nearest a step before, shape (m,); -1 at first.
+            which: the flights, shape (...).
+            state: shape (..., 5); whole turns do not matter.
+            before: the points that were nearest a step before, shape (...); -1 at first.
         """
-        points = np.clip(before[:, None] + 1 + self.window, 0, self.last[which][:, None])
-        off = state[:, None] - self.states[which[:, None], points]
+        points = np.clip(before[..., None] + 1 + self.window, 0, self.last[which][..., None])
+        off = state[..., None, :] - self.states[which[..., None], points]
         off[..., 4] -= 2 * np.pi * np.round(off[..., 4] / (2 * np.pi))
         far = np.square(off) @ self._weights
-        row, best = np.arange(len(which)), np.argmin(far, axis=1)
-        return points[row, best], off[row, best], np.sqrt(far[row, best])
+        best = np.argmin(far, axis=-1)[..., None]
+        point, distance = (np.take_along_axis(every, best, -1)[..., 0] for every in (points, np.sqrt(far)))
+        return point, np.take_along_axis(off, best[..., None], -2)[..., 0, :], distance
 
     def action(self, which: Integers, point: Integers, off: Array) -> NDArray[np.float32]:
-        """Return actions (m, 2) of flights (m,) at points (m,), states being so far off (m, 5)."""
-        control = self.controls[which, point] - np.einsum("nij,nj->ni", self.gains[which, point], off)
+        """Return actions (..., 2) of flights (...) at points (...), states being so far off (..., 5)."""
+        control = self.controls[which, point] - np.einsum("...ij,...j->...i", self.gains[which, point], off)
         return np.clip(self.scenario.quadrotor.action(control), -1, 1).astype(np.float32)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agents.experts import Expert, Experts, held, in_steps
-from agents.regulator import derivatives, gain, regulator, terminal_cost
+from agents.regulator import derivatives, gain, regulator, terminal_cost, tolerances
 from flatgym import SCENARIOS, Quadrotor
 from flatgym.reference import reference
 from flatgym.scenario import Tolerance
@@ -65,7 +65,10 @@ def test_on_time_experts_do_together_what_each_does_alone(flights, generator):
     actions = together.action(which, found, off)
     for i, flight in enumerate(which):
         np.testing.assert_allclose(actions[i], each[flight].action(states[i], steps[i]), atol=1e-6)
-        assert distance[i] == pytest.approx(each[flight].distance(states[i], steps[i]))
+        expected = together.action(which[i], point[i], states[i] - together.states[flight, point[i]])
+        np.testing.assert_array_equal(actions[i], expected)
+    np.testing.assert_allclose(distance, np.linalg.norm(off / tolerances(Tolerance()), axis=-1))
+    np.testing.assert_allclose(off, states - together.states[which, point], atol=1e-12)
 
 
 def test_within_the_window_the_nearest_point_is_found(flights):
