@@ -363,7 +363,7 @@ def picture(results: Row) -> go.Figure:
         for column in (1, 2):
             figure.update_yaxes(
                 categoryorder="array", categoryarray=[called(agent) for agent in reversed(agents)],
-                showticklabels=column == 1, dtick=1, row=row, col=column,
+                showticklabels=column == 1, ticklabelstandoff=8, dtick=1, row=row, col=column,
             )  # fmt: skip
         figure.update_xaxes(range=[0, 1.04], tickformat=".0%", tickvals=[0, 0.5, 1], row=row, col=1)
         figure.update_xaxes(tickformat=".0%", rangemode="tozero", row=row, col=2)
