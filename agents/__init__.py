@@ -5,17 +5,19 @@ from flatgym.extras import require
 require("agents", "stable_baselines3", "sb3_contrib", "torch", "minari", "pandas")
 
 from agents import demonstrations, imitation, policies
-from agents.advice import guided, regulated
-from agents.cascade import Cascade
-from agents.configs import CONFIGS, Config, PPOConfig, SACConfig, TD3Config, TQCConfig, config_of
-from agents.evaluate import FasterThanOptimal, Flights, evaluate, flight_rows, fly
-from agents.experts import Expert, Tape
-from agents.intervals import summary
-from agents.replanner import Replanner
-from agents.seen import relative_state
-from agents.starts import backward_starts
-from agents.train import Training, build, train
-from agents.vec_env import FlatQuadVecEnv, make_vec_env
+from agents.controllers.cascaded_pd import Cascade
+from agents.controllers.mpc import Replanner
+from agents.controllers.tracking import Expert, Tape
+from agents.evaluation.bootstrap import summary
+from agents.evaluation.rollouts import Flights, fly
+from agents.evaluation.scores import FasterThanOptimal, evaluate, flight_rows
+from agents.imitation.advisers import guided, regulated
+from agents.training.backward_starts import backward_starts
+from agents.training.configs import CONFIGS, Config, PPOConfig, SACConfig, TD3Config, TQCConfig, config_of
+from agents.training.models import build
+from agents.training.train import Training, train
+from agents.training.vec_env import FlatQuadVecEnv, make_vec_env
+from flatgym.task.decoding import relative_state
 
 __all__ = [
     "CONFIGS",

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from flatgym import OUTCOMES
+from flatgym.files import write_text
 from flatgym.quadrotor import Array, Quadrotor
-from flatgym.scenario import Scenario
-from flatgym.task import fly_actions
+from flatgym.scenarios.scenario import Scenario
+from flatgym.task.rollout import fly_actions
 from optimal import Solution
-from optimal.export import write_text
 
 COLOURS = ("#0b6e99", "#d1603d", "#4f772d", "#7a4988")
 INK, OUTLINE, FAINT, FLAME = "#22303c", "#8b98a3", "#dfe4e8", "#e8a33d"

@@ -8,8 +8,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from optimal.export import free, write_text
+from flatgym.files import free, write_text
 
+Row = dict[str, Any]
+"""A row of results, or a part of them, as JSON holds it."""
 SCHEMA = 1
 """Version of the results files; a reader refuses another."""
 
@@ -57,3 +59,17 @@ def plain(data: Any) -> Any:
     if isinstance(data, float) and not math.isfinite(data):
         return None
     return data
+
+
+ROOT = Path(__file__).resolve().parent.parent
+RESULTS = ROOT / "experiments" / "results"
+PUBLISHED = RESULTS / "published"
+
+
+def published(name: str) -> Any:
+    """Return a published results file; a ValueError names one of another version."""
+    path = PUBLISHED / name
+    results = json.loads(path.read_text(encoding="utf-8"))
+    if results.get("schema") != SCHEMA:
+        raise ValueError(f"{path} has schema {results.get('schema')!r}, this version reads {SCHEMA}: run it again")
+    return results

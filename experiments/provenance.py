@@ -10,7 +10,7 @@ from typing import Any
 
 import joblib
 
-from agents.evaluate import versions
+from agents.evaluation.versions import versions
 from experiments.files import SCHEMA
 
 ROOT = Path(__file__).resolve().parent.parent

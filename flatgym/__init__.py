@@ -2,14 +2,14 @@
 
 import gymnasium as gym
 
-from flatgym.catalogue import SCENARIOS, scenario
-from flatgym.distributions import DISTRIBUTIONS, Distribution
-from flatgym.disturbances import Disturbances
 from flatgym.quadrotor import Quadrotor
-from flatgym.reference import Reference, reference
-from flatgym.scenario import Hoop, Scenario, Tolerance
-from flatgym.scene import OUTCOMES
-from flatgym.task import OBSERVATION_NAMES, observation_names
+from flatgym.scenarios.catalogue import SCENARIOS, scenario
+from flatgym.scenarios.distributions import DISTRIBUTIONS, Distribution
+from flatgym.scenarios.disturbances import Disturbances
+from flatgym.scenarios.reference import Reference, reference
+from flatgym.scenarios.scenario import Hoop, Scenario, Tolerance
+from flatgym.task.observation import OBSERVATION_NAMES, observation_names
+from flatgym.task.scene import OUTCOMES
 
 __all__ = [
     "DISTRIBUTIONS",
@@ -31,6 +31,6 @@ __version__ = "0.1.0"
 
 gym.register(
     id="FlatQuad-v0",
-    entry_point="flatgym.env:FlatQuadEnv",
-    vector_entry_point="flatgym.vector:FlatQuadVectorEnv",
+    entry_point="flatgym.envs.env:FlatQuadEnv",
+    vector_entry_point="flatgym.envs.vector:FlatQuadVectorEnv",
 )

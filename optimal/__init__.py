@@ -7,19 +7,19 @@ from flatgym.extras import require
 
 require("optimal", "casadi", "joblib", "numba", "scipy")
 
-from optimal.certificate import Certificate, certify
-from optimal.export import load, save
-from optimal.solution import Solution, SolveFailed, Status
-from optimal.solve import solve
-from optimal.steps import FewestSteps, fewest_steps
-from optimal.trajectory import Samples, Trajectory
+from optimal.discrete.fewest_steps import FewestSteps, fewest_steps
+from optimal.flights.certificate import Certificate, certify
+from optimal.flights.export import load, save
+from optimal.flights.solution import Solution, SolveFailed, Status
+from optimal.flights.trajectory import Samples, Trajectory
+from optimal.minimum_time import solve
 
 if TYPE_CHECKING:
     from optimal.batch import fewest_steps_many, solve_many
-    from optimal.corridors import Corridor, corridor, paper_corridor
-    from optimal.following import follow
-    from optimal.planning import plan
-    from optimal.proof import Proof, lower_bound, prove
+    from optimal.flat.following import follow
+    from optimal.flat.planning import plan
+    from optimal.paths.corridors import Corridor, corridor, paper_corridor
+    from optimal.proof.lower_bound import Proof, lower_bound, prove
 
 __all__ = [
     "Certificate",
@@ -47,16 +47,16 @@ __all__ = [
 ]
 
 _LATER = {
-    "Corridor": "optimal.corridors",
-    "corridor": "optimal.corridors",
-    "paper_corridor": "optimal.corridors",
-    "follow": "optimal.following",
-    "plan": "optimal.planning",
+    "Corridor": "optimal.paths.corridors",
+    "corridor": "optimal.paths.corridors",
+    "paper_corridor": "optimal.paths.corridors",
+    "follow": "optimal.flat.following",
+    "plan": "optimal.flat.planning",
     "fewest_steps_many": "optimal.batch",
     "solve_many": "optimal.batch",
-    "Proof": "optimal.proof",
-    "lower_bound": "optimal.proof",
-    "prove": "optimal.proof",
+    "Proof": "optimal.proof.lower_bound",
+    "lower_bound": "optimal.proof.lower_bound",
+    "prove": "optimal.proof.lower_bound",
 }
 """Names imported when asked for: SciPy's splines, joblib and numba take longer than all the rest together."""
 

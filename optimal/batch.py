@@ -10,34 +10,26 @@ from __future__ import annotations
 
 import inspect
 import math
-import sys
-import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-import joblib
 import numpy as np
 
-from flatgym.catalogue import ScenarioLike, scenario
-from flatgym.scenario import Scenario
-from optimal.certificate import Certificate
-from optimal.solution import Solution, Status
-from optimal.solve import solve
-from optimal.steps import FewestSteps, fewest_steps
+from flatgym.scenarios.catalogue import ScenarioLike, scenario
+from flatgym.scenarios.scenario import Scenario
+from optimal.discrete.fewest_steps import FewestSteps, fewest_steps
+from optimal.flights.certificate import Certificate
+from optimal.flights.solution import Solution, Status
+from optimal.minimum_time import solve
+from optimal.parallel import Progress, _check_workers, _watched, unordered
 from optimal.store import Store
 
-BACKENDS = ("loky", "ray")
-PATIENCE = 2.0
-"""How long a batch runs before it shows a bar [s]."""
 UNPROVEN: dict[str, dict[str, Any]] = {"solve": {"max_gap": None}, "fewest_steps": {"time_budget": 0.0}}
 """Batches leave proofs out unless asked for them: they take as long as all the rest."""
-WAVE = 8
-"""Tasks of each Ray worker in a wave."""
 
 Result = TypeVar("Result", Solution, FewestSteps)
-Progress = bool | Callable[[int, int], None]
 
 
 def solve_many(
@@ -133,13 +125,6 @@ def _checked(ask: Callable[..., Any], options: dict[str, Any]) -> dict[str, Any]
     return {name: list(value) if isinstance(value, (tuple, range)) else value for name, value in filled.items()}
 
 
-def _check_workers(jobs: int, backend: str) -> None:
-    if backend not in BACKENDS:
-        raise ValueError(f"unknown backend {backend!r}; known: {', '.join(BACKENDS)}")
-    if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs == 0:
-        raise ValueError(f"jobs must be a number of processes, or -1 for one a core, got {jobs!r}")
-
-
 def _likeness(task: Scenario) -> tuple[int, bool, float]:
     """Return what scenarios of like programs have in common: hoops, heights, and about the way's length."""
     return len(task.hoops), task.floor is None and task.ceiling is None, math.dist(task.start, task.goal)
@@ -160,49 +145,3 @@ def broken_off(ask: Callable[..., Result], task: Scenario, reason: str) -> Any:
         return Solution(task, "none", math.inf, Status.BROKEN_OFF, 0, None, *nothing, reason)
     actions, states = np.zeros((0, 2), np.float32), np.zeros((0, 5))
     return FewestSteps(task, math.inf, actions, states, 0, math.inf, 0, Status.BROKEN_OFF, reason)
-
-
-def unordered(attempt: Callable[[Scenario], Any], left: list[Scenario], jobs: int, backend: str) -> Iterator[Any]:
-    """Yield the answers as they come: one by one, or in waves from Ray, which hands out nothing before all is done."""
-    calls = [joblib.delayed(attempt)(task) for task in left]
-    if backend == "loky":
-        with joblib.parallel_config(backend=backend, inner_max_num_threads=1):
-            yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(calls)
-        return
-    _register_ray()
-    with joblib.parallel_config(backend=backend):
-        size = WAVE * joblib.effective_n_jobs(jobs)
-        for begin in range(0, len(calls), size):
-            yield from joblib.Parallel(n_jobs=jobs)(calls[begin : begin + size])
-
-
-def _register_ray() -> None:
-    try:
-        from ray.util.joblib import register_ray
-    except ImportError:
-        raise ImportError('backend="ray" needs Ray; run: pip install "ray>=2.60"') from None
-    register_ray()  # type: ignore[no-untyped-call]
-
-
-def _watched(found: Iterator[Any], total: int, progress: Progress) -> Iterator[Any]:
-    """Pass answers on and show how many there are, on a terminal once it has taken a while."""
-    if callable(progress) or not (progress and total and sys.stderr.isatty()):
-        for done, answer in enumerate(found, start=1):
-            yield answer
-            if callable(progress):
-                progress(done, total)
-        return
-    from rich.console import Console
-    from rich.progress import Progress as Bar
-
-    begun = time.monotonic()
-    bar = Bar(console=Console(stderr=True))
-    work = bar.add_task("scenarios", total=total)
-    try:
-        for answer in found:
-            yield answer
-            bar.advance(work)
-            if time.monotonic() - begun > PATIENCE:
-                bar.start()
-    finally:
-        bar.stop()

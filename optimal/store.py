@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 
 import flatgym
-from flatgym.scenario import Scenario
-from optimal.certificate import Certificate
-from optimal.export import free, write_text
-from optimal.solution import Solution, Status
-from optimal.steps import FewestSteps
-from optimal.trajectory import Trajectory
+from flatgym.files import free, write_text
+from flatgym.scenarios.scenario import Scenario
+from optimal.discrete.fewest_steps import FewestSteps
+from optimal.flights.certificate import Certificate
+from optimal.flights.solution import Solution, Status
+from optimal.flights.trajectory import Trajectory
 
 Answer = Solution | FewestSteps
 SCHEMA = 1

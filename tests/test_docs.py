@@ -10,7 +10,7 @@ import pytest
 from pdoc.extract import walk_specs
 
 import optimal
-from experiments.readme import ROOT
+from experiments.files import ROOT
 from flatgym import __version__
 
 DOCS = runpy.run_path(str(ROOT / "docs" / "build.py"))

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments import readme
+from experiments import files
+from experiments.publishing import publish
 from flatgym import OUTCOMES, SCENARIOS
-from flatgym.task import fly_actions
+from flatgym.task.rollout import fly_actions
 
-TEXT = (readme.ROOT / "README.md").read_text(encoding="utf-8")
+TEXT = (files.ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
 
 
@@ -23,25 +24,25 @@ def test_every_code_block_runs(code, monkeypatch, tmp_path):
 
 
 def test_tables_are_those_of_the_results():
-    assert readme.filled(TEXT) == TEXT
+    assert publish.filled(TEXT) == TEXT
 
 
 @pytest.mark.parametrize("name", ["scores", "environments"])
 def test_a_table_without_its_place_is_named(name):
     for text in (TEXT.replace(f"<!-- {name} -->", ""), TEXT + f"<!-- {name} -->\n<!-- /{name} -->"):
         with pytest.raises(ValueError, match=f"README.md must hold one block <!-- {name} -->"):
-            readme.filled(text)
+            publish.filled(text)
 
 
 def test_every_picture_is_there():
     pictures = re.findall(r"!\[[^]]+\]\(([^)]+)\)", TEXT)
     assert pictures
-    assert all((Path(readme.ROOT) / picture).stat().st_size > 1000 for picture in pictures)
+    assert all((Path(files.ROOT) / picture).stat().st_size > 1000 for picture in pictures)
 
 
 @pytest.mark.parametrize("name", ["benchmark.json", "learners.json"])
 def test_published_flights_replay_to_their_scores(name):
-    for cell in json.loads((readme.PUBLISHED / name).read_text(encoding="utf-8"))["cells"]:
+    for cell in json.loads((files.PUBLISHED / name).read_text(encoding="utf-8"))["cells"]:
         if "actions" not in cell:
             continue
         flown = fly_actions(SCENARIOS[cell["problem"]], np.array(cell["actions"], dtype=np.float32))
@@ -53,6 +54,6 @@ def test_published_flights_replay_to_their_scores(name):
 
 def test_results_of_another_version_are_refused(tmp_path, monkeypatch):
     (tmp_path / "paper.json").write_text('{"schema": 0, "rows": []}')
-    monkeypatch.setattr(readme, "PUBLISHED", tmp_path)
+    monkeypatch.setattr(files, "PUBLISHED", tmp_path)
     with pytest.raises(ValueError, match=r"paper\.json has schema 0, this version reads 1"):
-        readme.published("paper.json")
+        files.published("paper.json")

@@ -21,8 +21,11 @@ from stable_baselines3 import PPO
 
 import agents
 import optimal
-from agents.evaluate import Policy
-from agents.imitation import CloneConfig, DaggerConfig, Keeper, clone, dagger, recorded
+from agents.imitation.cloning import CloneConfig, clone
+from agents.imitation.dataset import recorded
+from agents.imitation.dataset_aggregation import DaggerConfig, dagger
+from agents.imitation.selection import Keeper
+from agents.policies.policy import Policy
 from experiments import figures
 from flatgym import SCENARIOS, Disturbances
 

@@ -23,7 +23,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 import agents
 import flatgym
 from experiments import figures
-from flatgym.reference import reference
+from flatgym.scenarios.reference import reference
 
 QUICK = "--quick" in sys.argv
 NAME = "horizontal-3"

@@ -18,10 +18,10 @@ import numba
 import numpy as np
 from numba.extending import register_jitable
 
-from flatgym.distributions import draws_needed, place
-from flatgym.disturbances import affect
-from flatgym.draws import mix, normal, uniform
-from flatgym.task import OBSERVATION_NAMES
+from flatgym.scenarios.counter_rng import mix, normal, uniform
+from flatgym.scenarios.distributions import draws_needed, place
+from flatgym.scenarios.disturbances import affect
+from flatgym.task.observation import OBSERVATION_NAMES
 
 compiled = numba.njit(error_model="numpy")
 """For what is rare, and looked at one vehicle at a time."""
@@ -67,13 +67,13 @@ GROUP = np.uint64(16)
 
 
 def sources() -> str:
-    """Return a digest of this package's files.
+    """Return a digest of all files of `flatgym`.
 
     Numba's cache on disk does not notice when a function in another file changes. As part of the record's type the
     digest is part of the cache's key.
     """
     digest = hashlib.sha256()
-    for file in sorted([*Path(__file__).parent.glob("*.py"), *Path(__file__).parents[1].glob("*.py")]):
+    for file in sorted(Path(__file__).parents[1].rglob("*.py")):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 

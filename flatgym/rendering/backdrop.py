@@ -28,7 +28,7 @@ from flatgym.rendering.palette import (
     PASSED,
     WHITE,
 )
-from flatgym.scenario import Hoop, Scenario
+from flatgym.scenarios.scenario import Hoop, Scenario
 
 GRID_STEPS = tuple(digit * 10**power for power in range(7) for digit in (1, 2, 5))
 """Distances of grid lines to choose from [m]."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from flatgym.rendering.canvas import Canvas, ramp, text_width
 from flatgym.rendering.palette import FAILURE, FAINT, GHOST, INK, OUTCOME, PALE, WHITE
-from flatgym.scenario import Scenario
+from flatgym.scenarios.scenario import Scenario
 
 HEADER, FOOTER = 84.0, 40.0
 """Heights of the two panels, in units of a picture of 960 x 720."""

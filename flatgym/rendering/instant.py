@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flatgym.quadrotor import Array
-from flatgym.scenario import Scenario
+from flatgym.scenarios.scenario import Scenario
 
 MARGIN = 0.7
 """What is seen beyond start, goal, hoops and ghost [m]."""

@@ -18,7 +18,7 @@ from flatgym.rendering.backdrop import Backdrop
 from flatgym.rendering.canvas import Camera, Canvas, Colour, Pixels, mix, ramp
 from flatgym.rendering.instant import Instant, between, box_of_interest
 from flatgym.rendering.palette import GHOST, INK, PALE, PAPER, ROTOR
-from flatgym.scenario import Scenario
+from flatgym.scenarios.scenario import Scenario
 
 ROOM = 0.5
 """What is seen beyond the vehicle [m]."""

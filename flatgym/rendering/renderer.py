@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from flatgym.extras import require
 from flatgym.quadrotor import Array
 from flatgym.rendering.instant import Instant
-from flatgym.scenario import Scenario
+from flatgym.scenarios.scenario import Scenario
 from flatgym.validation import numbers
 
 if TYPE_CHECKING:

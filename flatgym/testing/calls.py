@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.vector.utils import iterate
 from numpy.typing import NDArray
 
-from flatgym.testing.comparing import difference
+from flatgym.testing.nested import difference
 
 Envs: TypeAlias = gym.vector.VectorEnv[Any, Any, Any]
 Flags = NDArray[np.bool_]

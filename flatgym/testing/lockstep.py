@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space, iterate
 
 from flatgym.testing.calls import Call, Envs, final_observations, observation_rows
-from flatgym.testing.flights import Flight
+from flatgym.testing.episodes import Flight
 
 Single: TypeAlias = gym.Env[Any, Any]
 

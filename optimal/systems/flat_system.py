@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flatgym.quadrotor import Array
-from optimal.chain_rule import composed
+from optimal.paths.chain_rule import composed
 
 Symbol = Any
 """A CasADi expression."""

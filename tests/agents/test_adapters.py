@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from agents import policies
-from agents.adapters import Adapted, PolicyFailed, adapted
-from agents.cascade import Cascade
-from agents.evaluate import fly
+from agents.controllers.cascaded_pd import Cascade
+from agents.evaluation.rollouts import fly
+from agents.policies.adapters import Adapted, PolicyFailed, adapted
 from flatgym import SCENARIOS
 
 PD = Cascade(SCENARIOS["hoop"].quadrotor)

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.cascade import Cascade
-from agents.evaluate import flight_rows, fly
-from agents.intervals import iqm
+from agents.controllers.cascaded_pd import Cascade
+from agents.evaluation.bootstrap import iqm
+from agents.evaluation.rollouts import fly
+from agents.evaluation.scores import flight_rows
 from flatgym import DISTRIBUTIONS, SCENARIOS, Quadrotor
-from flatgym.scene import Scene
-from flatgym.task import initial, observe
+from flatgym.task.observation import observe
+from flatgym.task.scene import Scene
+from flatgym.task.transition import initial
 
 
 @pytest.mark.parametrize("name", SCENARIOS)

@@ -7,12 +7,14 @@ from dataclasses import replace
 import pytest
 import torch
 
-from agents import checkpoints
-from agents.checkpoints import chapter_seed, checkpoint_file
-from agents.configs import CONFIGS, config_of
-from agents.schedules import CHECK_SEED, curve_file, read_curve
-from agents.train import build, train
-from flatgym.reference import EVALUATION_SEED
+from agents.evaluation.checks import CHECK_SEED
+from agents.training import checkpoints
+from agents.training.checkpoints import chapter_seed, checkpoint_file
+from agents.training.configs import CONFIGS, config_of
+from agents.training.models import build
+from agents.training.progress import curve_file, read_curve
+from agents.training.train import train
+from flatgym.scenarios.reference import EVALUATION_SEED
 
 COMMON = {"num_envs": 8, "width": 8, "seconds": 1e5, "check_episodes": 4}
 PPO = {"env_steps": 1024, "rollout": 16, "batch": 128, "epochs": 2, "checkpoint_every": 3, "check_every": 2}

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 
 import pytest
 
-from agents.configs import CONFIGS, PPOConfig, SACConfig, config_of, from_json
+from agents.training.configs import CONFIGS, PPOConfig, SACConfig, config_of, from_json
 
 ALGORITHMS = tuple(CONFIGS)
 

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from agents.configs import TIGHT, PPOConfig
-from agents.curriculum import CLOSE, Curriculum, GentleFailure, curriculum, demonstrated_flight, fill
-from agents.vec_env import make_vec_env
+from agents.training.configs import TIGHT, PPOConfig
+from agents.training.curriculum import CLOSE, Curriculum, GentleFailure, curriculum, demonstrated_flight, fill
+from agents.training.vec_env import make_vec_env
 from flatgym import Hoop, Scenario, scenario
-from flatgym.compiled import CompiledFleet
-from flatgym.course import Course, Starts
-from flatgym.fleet import Fleet
-from flatgym.reference import reference
-from flatgym.vector import FlatQuadVectorEnv
+from flatgym.envs.compiled_fleet import CompiledFleet
+from flatgym.envs.config import Course, Starts
+from flatgym.envs.fleet import Fleet
+from flatgym.envs.vector import FlatQuadVectorEnv
+from flatgym.scenarios.reference import reference
 
 DEMONSTRATED = PPOConfig(scenario="slalom", demonstrated=0.5)
 

@@ -16,7 +16,7 @@ import pytest
 
 import agents
 from agents import demonstrations
-from agents.placing import ABANDONED, workshop
+from agents.demonstrations.storage import ABANDONED, workshop
 from flatgym import DISTRIBUTIONS, SCENARIOS, Distribution, Hoop, Scenario, __version__, observation_names
 from optimal import SolveFailed
 
@@ -222,7 +222,7 @@ def test_a_run_killed_at_any_moment_goes_on_with_nothing_lost_or_doubled(tmp_pat
 
 def test_continuations_are_kept_in_the_store_too(tmp_path, monkeypatch):
     first = demonstrations.plan(LOW, 1, perturbed=1, jobs=1, store=tmp_path)
-    monkeypatch.setattr("agents.continuations.replan", lambda *_: pytest.fail("planned again"))
+    monkeypatch.setattr("agents.demonstrations.perturbed.replan", lambda *_: pytest.fail("planned again"))
     again = demonstrations.plan(LOW, 1, perturbed=1, jobs=1, store=tmp_path)
     assert len(again) == 2
     for one, other in zip(first, again, strict=True):

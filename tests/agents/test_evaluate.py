@@ -6,11 +6,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from agents import optima as module
-from agents.evaluate import COLUMNS, FasterThanOptimal, evaluate, flight_rows, fly
-from agents.intervals import iqm, summary
+from agents.evaluation import optima as module
+from agents.evaluation.bootstrap import iqm, summary
+from agents.evaluation.rollouts import fly
+from agents.evaluation.scores import COLUMNS, FasterThanOptimal, evaluate, flight_rows
 from flatgym import DISTRIBUTIONS, SCENARIOS, Disturbances
-from flatgym.reference import EVALUATION_SEED, drawn_k_star, reference
+from flatgym.scenarios.reference import EVALUATION_SEED, drawn_k_star, reference
 from optimal import SolveFailed, fewest_steps
 
 HOVER = np.array([(9.81 - 10.5) / 9.5, 0.0])

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from agents.evaluate import fly
-from agents.experts import Expert, Tape
-from agents.replanner import Replanner
+from agents.controllers.mpc import Replanner
+from agents.controllers.tracking import Expert, Tape
+from agents.evaluation.rollouts import fly
 from flatgym import Disturbances, Scenario
-from flatgym.reference import reference
-from flatgym.vector import FlatQuadVectorEnv
+from flatgym.envs.vector import FlatQuadVectorEnv
+from flatgym.scenarios.reference import reference
 from optimal import fewest_steps, solve
 
 

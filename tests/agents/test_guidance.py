@@ -5,14 +5,15 @@ import pytest
 import torch
 
 from agents import policies
-from agents.guidance import HOOPS, LATEST, PER_HOOP, TIMELESS, Guidance, squashed, to_gaps, unsquashed
-from agents.imitation import CloneConfig, Shown, mirrored, student
+from agents.imitation.cloning import CloneConfig, student
+from agents.imitation.dataset import Shown, mirrored
+from agents.policies.guidance import HOOPS, LATEST, PER_HOOP, TIMELESS, Guidance, squashed, to_gaps, unsquashed
 from flatgym import SCENARIOS, Quadrotor
-from flatgym.env import observation_space
-from flatgym.reference import ghost_states
-from flatgym.scenario import Hoop, Scenario
-from flatgym.scene import Scene, Situation
-from flatgym.task import HOOPS_SEEN, LENGTH_UNIT, observe
+from flatgym.envs.spaces import observation_space
+from flatgym.scenarios.reference import ghost_states
+from flatgym.scenarios.scenario import Hoop, Scenario
+from flatgym.task.observation import HOOPS_SEEN, LENGTH_UNIT, observe
+from flatgym.task.scene import Scene, Situation
 
 AHEAD, ASIDE, COASTING, THRUSTING = range(4)
 CLOSING, DRIFT, FORWARDS, SIDEWAYS, TIME = range(4, 9)

@@ -7,30 +7,21 @@ import pytest
 import torch
 
 from agents import demonstrations, policies
-from agents.advice import backwards, corrected, guided, hoops_along, regulated, seen_along
-from agents.cascade import Cascade
-from agents.configs import PPOConfig
-from agents.evaluate import fly
-from agents.experts import Expert
-from agents.imitation import (
-    CloneConfig,
-    DaggerConfig,
-    Keeper,
-    Shown,
-    batches,
-    clone,
-    dagger,
-    fit,
-    loss,
-    mirrored,
-    recorded,
-    student,
-)
-from agents.train import train
+from agents.controllers.cascaded_pd import Cascade
+from agents.controllers.tracking import Expert
+from agents.evaluation.rollouts import fly
+from agents.imitation.advisers import backwards, corrected, guided, hoops_along, regulated, seen_along
+from agents.imitation.cloning import CloneConfig, batches, clone, fit, loss, student
+from agents.imitation.dataset import Shown, mirrored, recorded
+from agents.imitation.dataset_aggregation import DaggerConfig, dagger
+from agents.imitation.selection import Keeper
+from agents.training.configs import PPOConfig
+from agents.training.train import train
 from flatgym import DISTRIBUTIONS, SCENARIOS
-from flatgym.reference import ghost_states, reference
-from flatgym.scene import Scene
-from flatgym.task import fly_actions, observe
+from flatgym.scenarios.reference import ghost_states, reference
+from flatgym.task.observation import observe
+from flatgym.task.rollout import fly_actions
+from flatgym.task.scene import Scene
 from optimal import fewest_steps, fewest_steps_many
 
 SMALL = CloneConfig(scenario="horizontal-3", width=32, depth=2, batch=128, updates=300)

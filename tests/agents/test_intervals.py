@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy.stats import trim_mean
 
-from agents.intervals import interval, iqm, mean, resampled, summary
+from agents.evaluation.bootstrap import interval, iqm, mean, resampled, summary
 
 
 def flights(gap, **columns):

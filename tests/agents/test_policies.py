@@ -14,9 +14,9 @@ import torch
 from stable_baselines3 import A2C, PPO
 
 from agents import policies
-from agents.configs import CONFIGS, PPOConfig, config_of
-from agents.train import build
-from agents.vec_env import make_vec_env
+from agents.training.configs import CONFIGS, PPOConfig, config_of
+from agents.training.models import build
+from agents.training.vec_env import make_vec_env
 
 SMALL = {"scenario": "horizontal-3", "num_envs": 4, "width": 8, "batch": 16}
 OBSERVATIONS = np.random.default_rng(0).uniform(-1, 1, (5, 19)).astype(np.float32)

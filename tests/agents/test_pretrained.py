@@ -5,7 +5,7 @@ import json
 import pytest
 
 from agents import evaluate, policies
-from agents.imitation import DaggerConfig
+from agents.imitation.dataset_aggregation import DaggerConfig
 from flatgym import DISTRIBUTIONS, SCENARIOS
 
 NAMES = policies.names()
@@ -34,7 +34,7 @@ def test_a_policy_scores_what_its_card_says(name):
 def test_a_policy_is_small_and_its_card_says_how_it_was_made(name):
     assert (policies.PRETRAINED / f"{name}.zip").stat().st_size < 300_000
     made = card(name)
-    assert made["command"] == f"python -m experiments.pretraining {name} --seed {made['seed']}"
+    assert made["command"] == f"python -m experiments.recipes.pretraining {name} --seed {made['seed']}"
     assert made["score"]["wall_time_s"] > 0
     assert made["curve"]
     first = dict(made["configs"][0])

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.experts import Expert, Experts, held, in_steps
-from agents.regulator import derivatives, gain, regulator, terminal_cost, tolerances
+from agents.controllers.lqr import derivatives, gain, regulator, terminal_cost, tolerances
+from agents.controllers.tracking import Expert, Experts, held, in_steps
 from flatgym import SCENARIOS, Quadrotor
-from flatgym.reference import reference
-from flatgym.scenario import Tolerance
+from flatgym.scenarios.reference import reference
+from flatgym.scenarios.scenario import Tolerance
 from optimal import fewest_steps
 
 NAMES = ("climb", "hoop", "horizontal-3")

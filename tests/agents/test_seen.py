@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.seen import relative_state
 from flatgym import DISTRIBUTIONS, SCENARIOS, Hoop
-from flatgym.scene import Scene
-from flatgym.task import LENGTH_UNIT, SPEED_UNIT, initial, observe
+from flatgym.task.decoding import relative_state
+from flatgym.task.observation import LENGTH_UNIT, SPEED_UNIT, observe
+from flatgym.task.scene import Scene
+from flatgym.task.transition import initial
 
 FLOAT32 = np.finfo(np.float32).eps
 CASES = {

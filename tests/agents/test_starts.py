@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from agents.starts import backward_starts, fly_back
+from agents.training.backward_starts import backward_starts, fly_back
 from flatgym import SCENARIOS, task
-from flatgym.scene import GOAL, Scene, Situation
-from flatgym.vector import FlatQuadVectorEnv
+from flatgym.envs.vector import FlatQuadVectorEnv
+from flatgym.task.scene import GOAL, Scene, Situation
 
 
 def test_no_time_back_is_the_goal(generator):

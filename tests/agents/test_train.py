@@ -10,11 +10,14 @@ import pytest
 import torch
 
 from agents import policies
-from agents.configs import CONFIGS, PPOConfig, SACConfig, config_of
-from agents.evaluate import fly
-from agents.schedules import PPOSchedules, Progress, rank
-from agents.train import build, load, read_curve, train
-from flatgym.reference import reference
+from agents.evaluation.checks import rank
+from agents.evaluation.rollouts import fly
+from agents.training.configs import CONFIGS, PPOConfig, SACConfig, config_of
+from agents.training.models import build
+from agents.training.progress import Progress
+from agents.training.schedules import PPOSchedules
+from agents.training.train import load, read_curve, train
+from flatgym.scenarios.reference import reference
 
 SMALL = PPOConfig(
     scenario="horizontal-3", env_steps=2048, num_envs=16, rollout=16, batch=128, epochs=2, width=16, check_every=2
@@ -68,7 +71,7 @@ def test_it_stops_by_the_clock(small):
 
 def test_it_stops_at_the_optimum(small, monkeypatch):
     known = reference("horizontal-3")
-    monkeypatch.setattr("agents.schedules.fly", lambda *_: fly(Tape(known.actions), "horizontal-3"))
+    monkeypatch.setattr("agents.training.schedules.fly", lambda *_: fly(Tape(known.actions), "horizontal-3"))
     training = train(replace(small, env_steps=10**9), known.k_star)
     assert training.env_steps < 1024
     assert training.best["steps"] == known.k_star
@@ -92,7 +95,7 @@ def test_the_best_policy_is_kept_not_the_last(small, monkeypatch):
         tape = Tape(known.actions if len(models) == 2 else np.zeros((250, 2), np.float32))
         return fly(tape, "horizontal-3")
 
-    monkeypatch.setattr("agents.schedules.fly", second_is_best)
+    monkeypatch.setattr("agents.training.schedules.fly", second_is_best)
     training = train(small)
     assert training.best is training.curve[1]
     kept = load(training.model).policy.state_dict()
@@ -131,7 +134,7 @@ def test_the_curriculum_runs_with_the_steps(small):
 
     module = sys.modules[train.__module__]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("agents.schedules.PACE", 256)
+        patch.setattr("agents.training.schedules.PACE", 256)
         patch.setattr(module, "PPOSchedules", Watch)
         patch.setattr(module, "build", lambda _: model)
         train(small)

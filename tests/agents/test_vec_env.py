@@ -8,8 +8,8 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from agents import FlatQuadVecEnv, make_vec_env
 from flatgym import Tolerance
-from flatgym.course import Starts
-from flatgym.vector import FlatQuadVectorEnv
+from flatgym.envs.config import Starts
+from flatgym.envs.vector import FlatQuadVectorEnv
 
 
 def test_it_flies_like_the_scalar_environment(generator):

@@ -6,23 +6,30 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.evaluate import FasterThanOptimal, fly
-from agents.experts import Tape
-from agents.imitation import DaggerConfig, student
-from experiments import benchmark, learners, recipes
-from experiments.benchmark import CONDITIONS, SUITES, Cell, can_fly, make
+from agents.controllers.tracking import Tape
+from agents.evaluation.rollouts import fly
+from agents.evaluation.scores import FasterThanOptimal
+from agents.imitation.cloning import student
+from agents.imitation.dataset_aggregation import DaggerConfig
+from experiments.benchmark import run
+from experiments.benchmark import study as command
+from experiments.benchmark.conditions import CONDITIONS
+from experiments.benchmark.run import make
+from experiments.benchmark.study import main
+from experiments.benchmark.suite import SUITES, Cell, can_fly
 from experiments.files import write_json
-from experiments.learner_table import learners as table
-from experiments.learners import main
-from experiments.pretraining import narrower, teacher
-from experiments.recipes import EXPERTS, LEARNERS, ONLY_SCENARIOS, Each, Lesson, plans
+from experiments.publishing.learners import learners as table
+from experiments.recipes import imitation, lesson
+from experiments.recipes.baselines import Each
+from experiments.recipes.lesson import Lesson
+from experiments.recipes.margins import narrower, teacher
+from experiments.recipes.plans import plans
+from experiments.recipes.registry import EXPERTS, LEARNERS, ONLY_SCENARIOS
 from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS
-from flatgym.reference import EVALUATION_SEED, drawn_k_star, reference
-from flatgym.task import fly_actions
+from flatgym.scenarios.reference import EVALUATION_SEED, drawn_k_star, reference
+from flatgym.task.rollout import fly_actions
 
-TINY = replace(
-    recipes.TINY, planned=3, ppo_steps=100, tuning_steps=100, tuning_s=30.0, updates=(5, 5), shown=2, goals=3
-)
+TINY = replace(lesson.TINY, planned=3, ppo_steps=100, tuning_steps=100, tuning_s=30.0, updates=(5, 5), shown=2, goals=3)
 ASKED = ("hoop/bc-ppo", "hoop/tape", "hoop/expert", "hoop/pd")
 
 
@@ -31,7 +38,7 @@ def study(tmp_path_factory):
     """A small study that has run: the folder of its results, and what `main` returned."""
     out = tmp_path_factory.mktemp("study") / "mine.json"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(learners, "TINY", TINY)
+        patch.setattr(command, "TINY", TINY)
         code = main(["--quick", "--jobs", "1", "--seeds", "1", "--out", str(out), "--only", *ASKED])
     assert code == 0
     return out
@@ -106,8 +113,8 @@ def test_the_tables_can_be_written_from_it(study):
 def test_what_is_done_is_not_done_again(study, monkeypatch):
     folder = study.with_suffix("")
     before = {path: path.read_bytes() for path in folder.glob("hoop-*")}
-    monkeypatch.setattr(benchmark, "make", lambda *_: pytest.fail("a cell was made again"))
-    monkeypatch.setattr(learners, "TINY", TINY)
+    monkeypatch.setattr(run, "make", lambda *_: pytest.fail("a cell was made again"))
+    monkeypatch.setattr(command, "TINY", TINY)
     assert main(["--quick", "--jobs", "1", "--seeds", "1", "--out", str(study), "--only", *ASKED]) == 0
     assert {path: path.read_bytes() for path in folder.glob("hoop-*")} == before
 
@@ -117,7 +124,7 @@ def test_a_failure_is_told_and_ends_no_other(tmp_path, monkeypatch, capsys):
         raise RuntimeError("no wind tunnel")
 
     monkeypatch.setitem(EXPERTS, "expert", broken)
-    monkeypatch.setattr(learners, "TINY", TINY)
+    monkeypatch.setattr(command, "TINY", TINY)
     out = tmp_path / "mine.json"
     assert main(["--quick", "--jobs", "1", "--out", str(out), "--only", "hoop/expert", "hoop/pd"]) == 1
     assert "hoop/expert/0: RuntimeError: no wind tunnel" in capsys.readouterr().out
@@ -125,7 +132,7 @@ def test_a_failure_is_told_and_ends_no_other(tmp_path, monkeypatch, capsys):
     assert (broken["agent"], broken["error"], broken["flights"]) == ("expert", "RuntimeError: no wind tunnel", {})
     assert sound["agent"] == "pd"
     monkeypatch.undo()
-    monkeypatch.setattr(learners, "TINY", TINY)
+    monkeypatch.setattr(command, "TINY", TINY)
     assert main(["--quick", "--jobs", "1", "--out", str(out), "--only", "hoop/expert", "hoop/pd"]) == 0
     assert not any(cell.get("error") for cell in json.loads(out.read_text())["cells"])
 
@@ -136,7 +143,7 @@ def test_a_flight_faster_than_optimal_leaves_its_evidence(tmp_path, monkeypatch)
     def fast(*_):
         raise FasterThanOptimal(SCENARIOS["hoop"], 70, actions, np.zeros((4, 5)))
 
-    monkeypatch.setattr(benchmark, "flown", fast)
+    monkeypatch.setattr(run, "flown", fast)
     cell = Cell("hoop", "pd", 0)
     make(cell, tmp_path, TINY)
     assert "was flown in 3 steps, fewer than K* = 70" in cell.read(tmp_path)["error"]
@@ -163,7 +170,7 @@ def test_each_flies_his_own_flight(lesson):
 @pytest.mark.parametrize("problem", list(SUITES["study"].agents))
 def test_steps_flown_and_shown_are_counted(lesson, problem):
     taught = replace(lesson, problem=problem)
-    adviser, _ = recipes.school(taught, 2)
+    adviser, _ = imitation.school(taught, 2)
     shown = adviser(None, 0)
     mirrors = 2 if problem == "random-goal" else 1
     assert mirrors * adviser.expert_steps == len(shown.actions)

@@ -8,9 +8,9 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import optimal
-from experiments import cli
+from experiments.cli import app, problems
 from flatgym import DISTRIBUTIONS, SCENARIOS
-from flatgym.reference import reference
+from flatgym.scenarios.reference import reference
 
 COMMANDS = ("list", "solve", "paper", "demos", "train", "evaluate", "benchmark", "report")
 
@@ -19,14 +19,14 @@ def flatquad(monkeypatch, capsys, *arguments):
     """Run the command as a shell would; return exit status, standard output, standard error."""
     monkeypatch.setattr(sys, "argv", ["flatquad", *arguments])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        app.main()
     output = capsys.readouterr()
     return end.value.code, output.out, output.err
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_has_an_example(command):
-    result = CliRunner().invoke(cli.app, [command, "--help"])
+    result = CliRunner().invoke(app.app, [command, "--help"])
     assert result.exit_code == 0
     assert f"flatquad {command}" in result.output
     assert "--json" in result.output
@@ -58,7 +58,7 @@ def test_list_tells_what_is_known_of_each_optimum(monkeypatch, capsys):
 
 
 def test_list_prints_tables_in_which_no_bound_is_rounded_upwards(monkeypatch, capsys):
-    monkeypatch.setattr(cli, "screen", Console(width=80))
+    monkeypatch.setattr(problems, "screen", Console(width=80))
     status, out, _ = flatquad(monkeypatch, capsys, "list")
     assert status == 0
     cells = [line.replace("│", " ").split() for line in out.splitlines()]

@@ -8,10 +8,12 @@ from dataclasses import replace
 
 import pytest
 
-from experiments import benchmark, cli
-from experiments.benchmark import SUITES, Suite, merged, only
-from experiments.readme import published
-from experiments.recipes import TINY
+from experiments.benchmark import suite
+from experiments.benchmark.results import merged, only
+from experiments.benchmark.suite import SUITES, Suite
+from experiments.cli import app
+from experiments.files import published
+from experiments.recipes.lesson import TINY
 
 SMALL = Suite("quick", {"climb": ("bc", "pd", "pretrained")}, seeds=2, sizes=replace(TINY, updates=(5, 5), shown=2))
 HOSTILE = "import time\n\n\ndef crash(seen):\n    return 1 / 0\n\n\ndef hang(seen):\n    time.sleep(600)\n"
@@ -21,7 +23,7 @@ def flatquad(monkeypatch, capsys, *arguments):
     """Run the command as a shell would; return exit status, standard output, standard error."""
     monkeypatch.setattr(sys, "argv", ["flatquad", *arguments])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        app.main()
     output = capsys.readouterr()
     return end.value.code, output.out, " ".join(output.err.split())
 
@@ -33,11 +35,11 @@ def folder(tmp_path_factory):
     (folder / "hostile_pilots.py").write_text(HOSTILE)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setitem(benchmark.SUITES, "quick", SMALL)
+        patch.setitem(suite.SUITES, "quick", SMALL)
         arguments = ["--policy", "crasher=hostile_pilots:crash", "--policy", "sleeper=hostile_pilots:hang"]
         patch.setattr(sys, "argv", ["flatquad", "benchmark", *arguments, "--timeout", "2", "--out", ".", "--json"])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            app.main()
     assert end.value.code == 1
     return folder
 
@@ -72,11 +74,11 @@ def test_a_killed_run_goes_on_to_what_it_would_have_been(folder, tmp_path):
     code = (
         "from experiments import benchmark\nfrom tests_small import SMALL\n"
         "from experiments.terminal import progress_bar\nfrom pathlib import Path\n"
-        "with progress_bar() as bar: benchmark.run(SMALL, Path('mine'), command='x', bar=bar, jobs=1)\n"
+        "with progress_bar() as bar: run.run(SMALL, Path('mine'), command='x', bar=bar, jobs=1)\n"
     )
     (tmp_path / "tests_small.py").write_text(
         "from dataclasses import replace\n"
-        "from experiments.benchmark import Suite\nfrom experiments.recipes import TINY\n"
+        "from experiments.benchmark.run import Suite\nfrom experiments.recipes.registry import TINY\n"
         "SMALL = Suite('quick', {'climb': ('bc', 'pd', 'pretrained')}, seeds=2,\n"
         "              sizes=replace(TINY, updates=(5, 5), shown=2))\n"
     )

@@ -6,8 +6,8 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
-from agents.configs import from_json
-from experiments import cli
+from agents.training.configs import from_json
+from experiments.cli import app
 
 SHORT = ("train", "horizontal-3", "--env-steps", "16384", "--seconds", "100000", "--json")
 
@@ -16,13 +16,13 @@ def flatquad(monkeypatch, capsys, *arguments):
     """Run the command as a shell would; return exit status, standard output, standard error."""
     monkeypatch.setattr(sys, "argv", ["flatquad", *arguments])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        app.main()
     output = capsys.readouterr()
     return end.value.code, output.out, output.err
 
 
 def test_help_has_an_example():
-    result = CliRunner().invoke(cli.app, ["train", "--help"])
+    result = CliRunner().invoke(app.app, ["train", "--help"])
     assert result.exit_code == 0
     assert "flatquad train hoop" in result.output
     assert "--json" in result.output

@@ -5,15 +5,15 @@ import os
 
 import pytest
 
-from experiments import demo_benchmark
-from experiments.demo_benchmark import SECTIONS, main
+from experiments.measurements import demonstrations
+from experiments.measurements.demonstrations import SECTIONS, main
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     out = tmp_path_factory.mktemp("demos") / "demos.json"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(demo_benchmark, "JOBS", 1)
+        patch.setattr(demonstrations, "JOBS", 1)
         patch.setenv("MINARI_DATASETS_PATH", str(out.parent / "mine"))
         main(["--quick", "--out", str(out)])
         assert os.environ["MINARI_DATASETS_PATH"] == str(out.parent / "mine")
@@ -29,4 +29,4 @@ def test_all_flights_replay_to_the_goal(results):
         assert sum(row["statuses"].values()) == row["flights"]
         assert row["continued"] == (row["flights"] / 2 if name == "continuations" else 0)
         assert row["per_second"] == pytest.approx(row["flights"] / (row["planning_s"] + row["recording_s"]))
-        assert section["command"].startswith("python -m experiments.demo_benchmark")
+        assert section["command"].startswith("python -m experiments.measurements.demonstrations")

@@ -6,10 +6,10 @@ import statistics
 import numpy as np
 import pytest
 
-from experiments import env_benchmark
-from experiments.env_benchmark import DRAWN, OURS, PEER, SECTIONS, judged, main, measured, resident
 from experiments.files import SCHEMA
-from experiments.turns import Player, batch, by_turns, rate, ratio, single
+from experiments.measurements import environments
+from experiments.measurements.environments import DRAWN, OURS, PEER, SECTIONS, judged, main, measured, resident
+from experiments.measurements.interleaved import Player, batch, by_turns, rate, ratio, single
 from flatgym import SCENARIOS
 
 
@@ -31,7 +31,7 @@ def test_every_section_has_rows_and_the_file_says_how_they_came_about(results):
     assert {"versions", "machine"} <= set(results)
     assert list(results["sections"]) == list(SECTIONS)
     for section in results["sections"].values():
-        assert section["command"].startswith("python -m experiments.env_benchmark --quick")
+        assert section["command"].startswith("python -m experiments.measurements.environments --quick")
         assert {"wall_time_s", "date"} <= set(section)
         assert section["rows"]
 
@@ -107,12 +107,12 @@ def test_a_leak_is_found():
 
     first, *_, last = measured(Player("leak", 1, play), [2, 10])
     assert last["env_steps"] == 10
-    assert last["resident_mb"] - first["resident_mb"] > 40 * env_benchmark.FLAT
+    assert last["resident_mb"] - first["resident_mb"] > 40 * environments.FLAT
 
 
 def test_without_proc_the_peak_is_told(monkeypatch):
     now = resident()
-    monkeypatch.setattr(env_benchmark.Path, "read_text", lambda *_, **__: (_ for _ in ()).throw(FileNotFoundError()))
+    monkeypatch.setattr(environments.Path, "read_text", lambda *_, **__: (_ for _ in ()).throw(FileNotFoundError()))
     assert resident() > 0.9 * now
 
 

@@ -5,8 +5,8 @@ from copy import deepcopy
 
 import pytest
 
-from experiments.env_table import LINES, environments, many, rounded_down, speed, verdict
-from experiments.readme import published
+from experiments.files import published
+from experiments.publishing.environments import LINES, environments, many, rounded_down, speed, verdict
 
 SECTIONS = ("batched", "scalar", "sb3", "ppo", "imports", "memory")
 

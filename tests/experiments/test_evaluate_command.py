@@ -7,15 +7,16 @@ from importlib import import_module
 import pytest
 from typer.testing import CliRunner
 
-from agents.evaluate import COLUMNS
-from experiments import cli
-from flatgym.reference import EVALUATION_SEED
+from agents.evaluation.scores import COLUMNS
+from experiments.cli import app
+from experiments.cli import evaluate as command
+from flatgym.scenarios.reference import EVALUATION_SEED
 
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
     """Nothing is kept outside the test."""
-    monkeypatch.setattr(cli, "CACHE", tmp_path)
+    monkeypatch.setattr(command, "CACHE", tmp_path)
     return tmp_path
 
 
@@ -23,7 +24,7 @@ def evaluate(monkeypatch, capsys, *arguments):
     """Run the command as a shell would; return exit status, standard output, standard error."""
     monkeypatch.setattr(sys, "argv", ["flatquad", "evaluate", *arguments])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        app.main()
     output = capsys.readouterr()
     return end.value.code, output.out, " ".join(output.err.split())
 
@@ -62,7 +63,7 @@ def test_disturbances_reach_the_flight(monkeypatch, capsys):
 def test_a_policy_flies_what_it_was_trained_on(monkeypatch, capsys, tmp_path):
     from stable_baselines3 import PPO
 
-    policies, vec_env = import_module("agents.policies"), import_module("agents.vec_env")
+    policies, vec_env = import_module("agents.policies"), import_module("agents.training.vec_env")
     model = PPO("MlpPolicy", vec_env.make_vec_env("climb", 2), n_steps=8, batch_size=16, device="cpu", seed=0)
     path = policies.save(model, tmp_path / "climber.zip", "climb")
     status, _, err = evaluate(monkeypatch, capsys, str(path))
@@ -97,7 +98,7 @@ def test_bad_arguments_are_named(monkeypatch, capsys, arguments, words):
 
 
 def test_help_has_an_example():
-    result = CliRunner().invoke(cli.app, ["evaluate", "--help"])
+    result = CliRunner().invoke(app.app, ["evaluate", "--help"])
     assert result.exit_code == 0
     assert "flatquad evaluate --pretrained hoop" in " ".join(result.output.split())
 
@@ -105,7 +106,7 @@ def test_help_has_an_example():
 def test_a_policy_of_ones_own_is_scored_and_drawn_beside_ours(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_flatquad_agent.py").write_text(
-        "from agents.cascade import Cascade\nfrom flatgym import Quadrotor\n\n\n"
+        "from agents.controllers.cascaded_pd import Cascade\nfrom flatgym import Quadrotor\n\n\n"
         "class Mine:\n    def predict(self, seen):\n        return Cascade(Quadrotor()).predict(seen)[0]\n"
     )
     status, out, err = evaluate(

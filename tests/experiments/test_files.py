@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.files import plain, write_json
-from optimal.export import write_text
+from flatgym.files import write_text
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path):

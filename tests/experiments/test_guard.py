@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from experiments.guard import Failed, guarded
+from experiments.benchmark.sandbox import Failed, guarded
 
 
 def test_an_answer_comes_back():

@@ -5,21 +5,14 @@ from copy import deepcopy
 
 import pytest
 
-from agents.intervals import summary
-from experiments.learner_table import (
-    NAMES,
-    amount,
-    carded,
-    demos,
-    efficiency,
-    flights,
-    learners,
-    learnt_after,
-    picture,
-    pretrained,
-    rounded,
-    scored,
-)
+from agents.evaluation.bootstrap import summary
+from experiments.benchmark.agents import NAMES
+from experiments.benchmark.formats import amount, rounded
+from experiments.benchmark.summary import flights, learnt_after, scored
+from experiments.publishing.demonstrations import demos
+from experiments.publishing.learner_figure import picture
+from experiments.publishing.learners import efficiency, learners
+from experiments.publishing.policies import carded, pretrained
 
 CONDITIONS = {"calm": {}, "wind": {"wind": 0.5}, "delay": {"action_delay": 1}, "together": {"mass": 0.025}}
 K_STAR = {"hoop": [70, 70, 70, 70], "random-goal": [50, 60, 70, 80]}

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from experiments import paper_figures
+from experiments.paper import figures
 from flatgym import SCENARIOS
 from optimal import solve
-from optimal.corridors import paper_corridor
+from optimal.paths.corridors import paper_corridor
 
 
 @pytest.fixture
 def quick(monkeypatch):
     """Every case flown by the shooting road in its first winding, which is quick."""
-    monkeypatch.setattr(paper_figures, "solved", lambda name, _: solve(name, windings=(0,), starts=1))
+    monkeypatch.setattr(figures, "solved", lambda name, _: solve(name, windings=(0,), starts=1))
 
 
 def traces(figure, name):
@@ -20,13 +20,13 @@ def traces(figure, name):
 
 
 def test_figure_2_combines_its_outer_paths_and_clears_the_walls():
-    figure = paper_figures.fig2()
+    figure = figures.fig2()
     upper, lower, middle = (
         np.array([trace.x, trace.y]) for i in "12r" for trace in traces(figure, f"y<sub>{i}</sub>(s)")
     )
     share = np.sqrt(np.linspace(0, 1, upper.shape[1]))
     np.testing.assert_allclose(middle, (1 - share) * upper + share * lower, atol=1e-12)
-    above, below = (np.array(wall).T for wall in paper_figures.WALLS)
+    above, below = (np.array(wall).T for wall in figures.WALLS)
     for line in (upper, middle, lower):
         assert (line[1] < np.interp(line[0], above[0, 1:-1], above[1, 1:-1])).all()
         assert (line[1] > np.interp(line[0], below[0, 1:-1], below[1, 1:-1])).all()
@@ -34,7 +34,7 @@ def test_figure_2_combines_its_outer_paths_and_clears_the_walls():
 
 @pytest.mark.usefixtures("quick")
 def test_figure_3_has_the_ground_in_its_lower_panel_only():
-    figure = paper_figures.fig3()
+    figure = figures.fig3()
     assert [note.text.split(",")[0] for note in figure.layout.annotations] == ["in free space", "above the ground"]
     floors = [shape for shape in figure.layout.shapes if shape.y0 == shape.y1 == 0]
     assert [shape.yref for shape in floors] == ["y2"]
@@ -43,7 +43,7 @@ def test_figure_3_has_the_ground_in_its_lower_panel_only():
 
 @pytest.mark.usefixtures("quick")
 def test_figures_4_and_5_end_at_the_goal_and_5_stays_between_its_outer_paths():
-    for figure in (paper_figures.fig4(), paper_figures.fig5()):
+    for figure in (figures.fig4(), figures.fig5()):
         flight = next(trace for trace in figure.data if trace.name.startswith("T = "))
         np.testing.assert_allclose((flight.x[-1], flight.y[-1]), (5, 5), atol=1e-9)
         assert figure.layout.xaxis.range == pytest.approx(figure.layout.yaxis.range)
@@ -55,13 +55,13 @@ def test_figures_4_and_5_end_at_the_goal_and_5_stays_between_its_outer_paths():
 
 @pytest.mark.usefixtures("quick")
 def test_figure_6_compares_two_roads_within_the_limits():
-    figure = paper_figures.fig6()
+    figure = figures.fig6()
     assert {trace.name.split(",")[0] for trace in figure.data} == {"flat", "shooting"}
     assert {shape.y0 for shape in figure.layout.shapes} == {1.0, 20.0, -10.0, 10.0}
 
 
 def test_the_flat_flight_is_drawn_from_rest_to_rest():
-    track = paper_figures.track("horizontal-6", words="flat, ")
+    track = figures.track("horizontal-6", words="flat, ")
     assert track.name.startswith("flat, T = 1.23")
     np.testing.assert_allclose(track.state[[0, -1]], [[0] * 5, [6, 0, 0, 0, 0]], atol=1e-8)
 
@@ -87,7 +87,7 @@ def judged():
 
 
 def test_judged_times_lie_in_percent_of_the_bound_on_their_side_of_it(judged):
-    figure = paper_figures.judged(judged)
+    figure = figures.judged(judged)
     (printed,), (flown,) = traces(figure, "printed"), traces(figure, "flown")
     times = np.array([(row["printed_s"] or np.nan, row["flown_s"]) for row in judged])
     bounds = np.array([row["lower_bound_s"] for row in judged])
@@ -101,7 +101,7 @@ def test_judged_times_lie_in_percent_of_the_bound_on_their_side_of_it(judged):
 
 
 def test_judged_labels_say_each_time_once_and_each_distance(judged):
-    notes = [note.text for note in paper_figures.judged(judged).layout.annotations]
+    notes = [note.text for note in figures.judged(judged).layout.annotations]
     for row in judged:
         assert notes.count(row["scenario"]) == notes.count(f"{row['flown_s']:.5f}") == 1
     assert {"\N{MINUS SIGN}0.92 %", "+0.02 %", "+7.42 %", "+17.50 %"} <= set(notes)
@@ -111,8 +111,8 @@ def test_judged_labels_say_each_time_once_and_each_distance(judged):
 @pytest.mark.usefixtures("quick")
 def test_all_figures_are_written(tmp_path, judged):
     done = []
-    pages = paper_figures.pages(judged)
-    paper_figures.write(pages, tmp_path, lambda: done.append(1))
+    pages = figures.pages(judged)
+    figures.write(pages, tmp_path, lambda: done.append(1))
     assert {path.name for path in tmp_path.iterdir()} == {f"{name}.html" for name in pages} | {"plotly.min.js"}
     assert set(pages) == {*(f"figure-{i}" for i in range(2, 7)), "judged"}
     assert len(done) == 6

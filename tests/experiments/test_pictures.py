@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments import pictures
-from experiments.pictures import AGENT, BEST, FRAME, LAST, SIZE, animate, captions, frames, learner
-from experiments.readme import PUBLISHED, published
-from flatgym.reference import reference
+from experiments.files import PUBLISHED, published
+from experiments.publishing import pictures
+from experiments.publishing.pictures import AGENT, BEST, FRAME, LAST, SIZE, animate, captions, frames, learner
+from flatgym.scenarios.reference import reference
 
 SMALL = (160, 120)
 

@@ -8,13 +8,22 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from experiments import cli
-from experiments import play as module
-from experiments.play import frames, obey, play
-from experiments.session import COMMANDS, LIFT_AXIS, PATIENCE, RATE_AXIS, TRIGGER_AXIS, Controls, Session, stick_action
+from experiments.cli import app
+from experiments.play import window as module
+from experiments.play.session import (
+    COMMANDS,
+    LIFT_AXIS,
+    PATIENCE,
+    RATE_AXIS,
+    TRIGGER_AXIS,
+    Controls,
+    Session,
+    stick_action,
+)
+from experiments.play.window import frames, obey, play
 from flatgym import SCENARIOS
-from flatgym.reference import reference
 from flatgym.rendering import load_pygame
+from flatgym.scenarios.reference import reference
 
 load_pygame()
 
@@ -260,13 +269,13 @@ def test_a_window_is_opened_flown_in_and_recorded(monkeypatch, tmp_path):
 def test_bad_arguments_exit_2_with_the_way_out(monkeypatch, capsys, arguments, words):
     monkeypatch.setattr(sys, "argv", ["flatquad", "play", *arguments])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        app.main()
     assert end.value.code == 2
     assert words in " ".join(capsys.readouterr().err.split())
 
 
 def test_help_has_an_example():
-    result = CliRunner().invoke(cli.app, ["play", "--help"])
+    result = CliRunner().invoke(app.app, ["play", "--help"])
     assert result.exit_code == 0
     assert "flatquad play hoop" in result.output
 

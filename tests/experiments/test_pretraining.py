@@ -6,12 +6,12 @@ from dataclasses import replace
 import pytest
 
 from agents import policies
-from agents.imitation import DaggerConfig
-from experiments import pretraining
+from agents.imitation.dataset_aggregation import DaggerConfig
+from experiments.recipes import margins, pretraining
 from flatgym import SCENARIOS
-from flatgym.reference import reference
-from flatgym.scene import GOAL
-from flatgym.task import fly_actions
+from flatgym.scenarios.reference import reference
+from flatgym.task.rollout import fly_actions
+from flatgym.task.scene import GOAL
 
 
 @pytest.fixture
@@ -51,9 +51,9 @@ def test_a_generalist_and_its_card(brief):
 
 @pytest.mark.parametrize("name", ["hoop", "high-hoop"])
 def test_the_teacher_flies_k_star_clear_of_the_rims(name):
-    flight, known = pretraining.teacher(SCENARIOS[name]), reference(name)
+    flight, known = margins.teacher(SCENARIOS[name]), reference(name)
     assert flight.scenario == SCENARIOS[name]
     assert flight.steps == known.k_star
-    clear = pretraining.narrowed(SCENARIOS[name], pretraining.MARGINS[name])
+    clear = margins.narrowed(SCENARIOS[name], margins.MARGINS[name])
     for scenario in (SCENARIOS[name], clear):
         assert fly_actions(scenario, flight.actions)[-1].outcome[0] == GOAL

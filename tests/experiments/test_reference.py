@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments import reference as writer
-from flatgym.reference import FILE, SCHEMA, drawn_k_star, reference
+from flatgym.scenarios.reference import FILE, SCHEMA, drawn_k_star, reference
 from optimal import fewest_steps
 from optimal.batch import broken_off
 

@@ -16,18 +16,20 @@ import numpy as np
 import pytest
 from plotly.offline import get_plotlyjs
 
-from agents.intervals import summary
-from experiments import paper_figures, report
+from agents.evaluation.bootstrap import summary
+from experiments.benchmark.formats import gap, share
+from experiments.benchmark.leaderboard import board
+from experiments.benchmark.summary import flights
 from experiments.files import plain
-from experiments.learner_table import flights, gap, share
-from experiments.page import race
-from experiments.page.board import board, table_1
-from experiments.page.charts import DARK, colours, gaps, label, of_problem
+from experiments.paper import figures
+from experiments.paper.tables import table_1
+from experiments.report import page, race
+from experiments.report.charts import DARK, colours, gaps, label, of_problem
 from flatgym import SCENARIOS, Quadrotor
-from flatgym.reference import reference
-from flatgym.task import fly_actions
+from flatgym.scenarios.reference import reference
+from flatgym.task.rollout import fly_actions
 
-PUBLISHED = Path(report.__file__).parent / "results" / "published"
+PUBLISHED = Path(page.__file__).parents[1] / "results" / "published"
 EVIL = '</script><script>alert(1)</script><img src=x onerror="alert(2)">'
 FAILURE = "ValueError: <b>broken</b> & gone"
 FLOWN = 15
@@ -74,8 +76,8 @@ def html(benchmark, paper):
     """The page of it, with two scenarios to race in, and Fig. 2 in the place of those that need a solver."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(race, "SCENARIOS", {name: SCENARIOS[name] for name in ("hoop", "ground-6")})
-        patch.setattr(paper_figures, "FIGURES", dict.fromkeys(paper_figures.FIGURES, paper_figures.fig2))
-        return report.page(benchmark, paper)
+        patch.setattr(figures, "FIGURES", dict.fromkeys(figures.FIGURES, figures.fig2))
+        return page.page(benchmark, paper)
 
 
 class Document(HTMLParser):
@@ -156,7 +158,7 @@ def test_what_comes_from_data_is_text(document):
     assert not [name for _, attributes in document.elements for name in attributes if name.startswith("on")]
     scripts = [attributes for tag, attributes in document.elements if tag == "script"]
     assert [one.get("id") for one in scripts if "id" in one] == ["numbers", "races", "figures", "plotly"]
-    assert len(scripts) == 4 + len((report.THEME, *report.SCRIPTS))
+    assert len(scripts) == 4 + len((page.THEME, *page.SCRIPTS))
     for block in ("numbers", "races", "figures", "plotly"):
         assert "<" not in document.texts[block]
 
@@ -182,10 +184,8 @@ def test_plotly_is_packed_whole(document):
 
 
 def test_the_same_results_make_the_same_page_written_whole(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        report, "page", lambda benchmark, paper: f"<p>{benchmark} {paper} \N{GREEK SMALL LETTER PI}</p>"
-    )
-    path = report.write(tmp_path / "report.html", {"a": 1}, {"b": 2})
+    monkeypatch.setattr(page, "page", lambda benchmark, paper: f"<p>{benchmark} {paper} \N{GREEK SMALL LETTER PI}</p>")
+    path = page.write(tmp_path / "report.html", {"a": 1}, {"b": 2})
     assert path == tmp_path / "report.html"
     assert path.read_text(encoding="utf-8").startswith("<p>{'a': 1} {'b': 2} \N{GREEK SMALL LETTER PI}")
     assert list(tmp_path.iterdir()) == [path]
@@ -242,10 +242,10 @@ def test_actions_that_cannot_be_flown_are_refused(actions):
 def test_nothing_depends_on_what_is_known(benchmark):
     line = board(benchmark).lines[0]
     unknown = replace(line, gap=math.nan, k_star=math.nan)
-    assert report.scored(unknown)[5] == report.Cell("-", None)
+    assert page.scored(unknown)[5] == page.Cell("-", None)
     assert gaps("hoop", [unknown]).figure["layout"]["annotations"][0]["text"] == "K* unknown"
-    assert report.spoken({"calm": {}, "gusts": {"gusts": 0.5}}).endswith("gusts: gusts 0.5.")
-    assert report.spoken({"calm": {}}) == ""
+    assert page.spoken({"calm": {}, "gusts": {"gusts": 0.5}}).endswith("gusts: gusts 0.5.")
+    assert page.spoken({"calm": {}}) == ""
 
 
 def test_every_agent_has_its_place_in_the_plot_of_gaps(benchmark):

@@ -6,11 +6,11 @@ import joblib
 import numpy as np
 import pytest
 
-from experiments import batch_benchmark, bound_benchmark, solver_benchmark
-from experiments.benchmarking import convergence_order, joined, random_goal
 from experiments.files import SCHEMA
-from experiments.rockit_peer import rockit_solver
-from experiments.solver_benchmark import SECTIONS, main
+from experiments.measurements import batches, proofs, solvers
+from experiments.measurements.rockit import rockit_solver
+from experiments.measurements.sections import convergence_order, joined, random_goal
+from experiments.measurements.solvers import SECTIONS, main
 from flatgym import SCENARIOS
 
 
@@ -18,9 +18,9 @@ from flatgym import SCENARIOS
 def results(tmp_path_factory):
     out = tmp_path_factory.mktemp("solvers") / "solvers.json"
     with joblib.parallel_config(backend="threading"), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(solver_benchmark, "PROCESSES", 1)
-        patch.setattr(batch_benchmark, "JOBS", 1)
-        patch.setattr(bound_benchmark, "PROCESSES", 1)
+        patch.setattr(solvers, "PROCESSES", 1)
+        patch.setattr(batches, "JOBS", 1)
+        patch.setattr(proofs, "PROCESSES", 1)
         main(["--quick", "--out", str(out)])
     return json.loads(out.read_text())
 
@@ -30,7 +30,7 @@ def test_every_section_has_rows_and_the_file_says_how_they_came_about(results):
     assert results["quick"] is True
     assert {"versions", "machine"} <= set(results)
     for section in results["sections"].values():
-        assert section["command"].startswith("python -m experiments.solver_benchmark --quick")
+        assert section["command"].startswith("python -m experiments.measurements.solvers --quick")
         assert {"wall_time_s", "date"} <= set(section)
     assert list(results["sections"]) == list(SECTIONS)
     assert all(section["rows"] for section in results["sections"].values())
@@ -48,7 +48,7 @@ def test_bounds_are_checked_and_never_above_a_flight(results):
         assert row["checked"]
         assert row["lower_bound_s"] < row["flown_s"]
         assert row["gap"] == pytest.approx(row["flown_s"] / row["lower_bound_s"] - 1)
-    assert [row["limits"] for row in sections["validity"]] == list(bound_benchmark.LIMITS)
+    assert [row["limits"] for row in sections["validity"]] == list(proofs.LIMITS)
     assert all(row["above_a_flight"] == 0 < row["goals"] for row in sections["validity"])
 
 

@@ -18,8 +18,9 @@ import torch
 from agents import policies
 from experiments import walkthroughs
 from experiments.figures import Track
-from flatgym.reference import reference
-from optimal.certificate import AGREEMENT, TOLERANCE
+from flatgym.scenarios.reference import reference
+from optimal.flights.certificate import TOLERANCE
+from optimal.flights.replay import AGREEMENT
 
 NAMES = ("control", "imitation", "reinforcement")
 SOURCES = {name: Path(walkthroughs.__path__[0], f"{name}.py").read_text(encoding="utf-8") for name in NAMES}

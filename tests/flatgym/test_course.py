@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from flatgym import DISTRIBUTIONS, SCENARIOS, Quadrotor, Tolerance
-from flatgym.course import STATE_MOST, Course, Starts, check_states
-from flatgym.scenario import STEPS_MOST
-from flatgym.vector import FlatQuadVectorEnv
+from flatgym.envs.config import STATE_MOST, Course, Starts, check_states
+from flatgym.envs.vector import FlatQuadVectorEnv
+from flatgym.scenarios.scenario import STEPS_MOST
 
 HOOP, HOOPS = SCENARIOS["hoop"], DISTRIBUTIONS["random-hoops"]
 REST = np.zeros((3, 5))

@@ -9,7 +9,7 @@ from scipy.stats import chisquare, kstest
 
 import flatgym
 from flatgym import DISTRIBUTIONS, SCENARIOS, Distribution, Quadrotor, Scenario, Tolerance
-from flatgym.distributions import PER_HOOP, PLACED
+from flatgym.scenarios.distributions import PER_HOOP, PLACED
 
 COUNT = 20_000
 

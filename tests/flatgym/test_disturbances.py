@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flatgym import Disturbances
-from flatgym.vector import FlatQuadVectorEnv
+from flatgym.envs.vector import FlatQuadVectorEnv
 
 
 def test_draws_stay_within_their_strengths():

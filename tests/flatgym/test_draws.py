@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import kstest
 
-from flatgym.draws import DISTURBANCE, NOISE, SCENE, START, mix, normal, uniform
+from flatgym.scenarios.counter_rng import DISTURBANCE, NOISE, SCENE, START, mix, normal, uniform
 
 
 def addresses(count):

@@ -14,9 +14,9 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 from flatgym import DISTRIBUTIONS, OBSERVATION_NAMES, OUTCOMES, SCENARIOS, Hoop, observation_names
-from flatgym.env import FlatQuadEnv
-from flatgym.reference import ghost_states, reference
-from flatgym.vector import FlatQuadVectorEnv
+from flatgym.envs.env import FlatQuadEnv
+from flatgym.envs.vector import FlatQuadVectorEnv
+from flatgym.scenarios.reference import ghost_states, reference
 
 INFO_KEYS = {"state", "time", "steps", "hoops_passed", "is_success", "outcome", "k_star"}
 

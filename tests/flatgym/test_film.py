@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from flatgym import DISTRIBUTIONS, SCENARIOS
-from flatgym.reference import ghost_states, reference
 from flatgym.rendering import Renderer, load_pygame
-from flatgym.rendering.film import Film
-from flatgym.scene import OUTCOMES
-from flatgym.task import fly_actions
+from flatgym.rendering.recorder import Film
+from flatgym.scenarios.reference import ghost_states, reference
+from flatgym.task.rollout import fly_actions
+from flatgym.task.scene import OUTCOMES
 
 SIZE = (320, 240)
 HOOP = SCENARIOS["hoop"]

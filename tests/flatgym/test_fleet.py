@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS, Disturbances, Hoop, Quadrotor, Scenario, Tolerance
-from flatgym.catalogue import problem
-from flatgym.compiled import CompiledFleet
-from flatgym.course import Course, Starts
-from flatgym.env import fleet_of
-from flatgym.fleet import END, HOOPS_PASSED, OUTCOME, Fleet
+from flatgym.envs.compiled_fleet import CompiledFleet
+from flatgym.envs.config import Course, Starts
+from flatgym.envs.env import fleet_of
+from flatgym.envs.fleet import END, HOOPS_PASSED, OUTCOME, Fleet
+from flatgym.scenarios.catalogue import problem
 
 N = 60
 ALL = np.ones(N, dtype=bool)

@@ -15,11 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS, Distribution, Disturbances, Hoop, Quadrotor, Scenario, Tolerance
-from flatgym.course import Starts
-from flatgym.env import FlatQuadEnv, fleet_of
-from flatgym.fleet import Fleet
-from flatgym.kernels import passes
-from flatgym.vector import FlatQuadVectorEnv
+from flatgym.envs.config import Starts
+from flatgym.envs.env import FlatQuadEnv, fleet_of
+from flatgym.envs.fleet import Fleet
+from flatgym.envs.vector import FlatQuadVectorEnv
+from flatgym.kernels import step
 
 MOST = 1e6  # what numbers of a scenario may be
 
@@ -148,7 +148,7 @@ def fly(env, actions, **reset):
 def test_any_scenario_flies_to_one_outcome(kind, problem, disturbed, reward, observation, start, actions):
     if isinstance(problem, Scenario):
         assert Scenario.from_json(problem.to_json()) == problem
-    with patch("flatgym.env.fleet_of", kind):
+    with patch("flatgym.envs.env.fleet_of", kind):
         env = FlatQuadEnv(problem, reward, observation, **disturbed)
     for episode in range(2):
         total, info = fly(env, actions, seed=None if episode else 7, options=start)
@@ -243,7 +243,7 @@ class Tally:
 
 
 def variants():
-    return sum(len(getattr(one, "signatures", ())) for one in vars(passes).values())
+    return sum(len(getattr(one, "signatures", ())) for one in vars(step).values())
 
 
 def test_half_a_million_steps_through_random_scenarios():

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from flatgym import SCENARIOS, Scenario, task
-from flatgym.potential import potential, rest_time, way_through_hoops
-from flatgym.scene import Scene
-from optimal.bounds import projection_bound
+from flatgym.task.scene import Scene
+from flatgym.task.shaping import potential, rest_time, way_through_hoops
+from optimal.flights.projection_bound import projection_bound
 
 
 def test_rest_time_brings_a_double_integrator_to_rest(generator):

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from gymnasium.wrappers import RecordVideo
 
-from flatgym.reference import reference
+from flatgym.scenarios.reference import reference
 
 
 class ImageSequenceClip:

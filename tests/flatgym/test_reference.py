@@ -8,10 +8,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from experiments.readme import published
+from experiments.files import published
 from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS
-from flatgym.reference import EVALUATION_SEED, drawn_k_star, ghost_states, reference
-from flatgym.task import fly_actions
+from flatgym.scenarios.reference import EVALUATION_SEED, drawn_k_star, ghost_states, reference
+from flatgym.task.rollout import fly_actions
 from optimal import fewest_steps
 
 module = importlib.import_module("flatgym.reference")  # the package gives the function that name

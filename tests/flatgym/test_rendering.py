@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS, Hoop, Scenario
-from flatgym.reference import ghost_states, reference
 from flatgym.rendering import Renderer, check_ghost, load_pygame, write_video
 from flatgym.rendering.instant import Instant, between, box_of_interest
-from flatgym.task import fly_actions
+from flatgym.scenarios.reference import ghost_states, reference
+from flatgym.task.rollout import fly_actions
 
 load_pygame()
 
@@ -287,7 +287,7 @@ def test_without_a_display_the_way_out_is_named(monkeypatch):
 
 def test_the_world_is_loaded_without_what_draws_it():
     code = (
-        "import sys, flatgym.env, flatgym.rendering, flatgym.reference, flatgym.rendering.instant; "
+        "import sys, flatgym.envs.env, flatgym.rendering, flatgym.reference, flatgym.rendering.instant; "
         "sys.exit(any(name in sys.modules for name in ('pygame', 'imageio')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS, Disturbances
-from flatgym.course import Starts
-from flatgym.env import FlatQuadEnv
-from flatgym.resetting import OPTIONS, check_options, check_seed
-from flatgym.vector import FlatQuadVectorEnv
+from flatgym.envs.config import Starts
+from flatgym.envs.env import FlatQuadEnv
+from flatgym.envs.resetting import OPTIONS, check_options, check_seed
+from flatgym.envs.vector import FlatQuadVectorEnv
 
 N, EPISODES = 4, 6
 BAD_SEEDS = [-1, 1.5, True, 2**63, 2**200, "7", {}, int, np.nan]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flatgym import OBSERVATION_NAMES, OUTCOMES, SCENARIOS, Hoop, Quadrotor, Scenario, task
-from flatgym.scene import FLYING, Scene, Situation
+from flatgym.task.scene import FLYING, Scene, Situation
 
 
 def situation(scene, state, passed=0, steps=0):

@@ -10,9 +10,9 @@ from gymnasium.spaces import Box, Dict, Discrete, Tuple
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import flatgym
-from flatgym.fleet import Fleet
+from flatgym.envs.fleet import Fleet
+from flatgym.envs.vector import FlatQuadVectorEnv
 from flatgym.testing import check_vector_env
-from flatgym.vector import FlatQuadVectorEnv
 
 N, LIMIT = 3, 9
 NEXT, SAME, OFF = AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP, AutoresetMode.DISABLED
@@ -122,7 +122,7 @@ def test_max_episode_steps_truncates_as_the_wrapper_does_and_also_says_so(mode):
 
 @pytest.mark.parametrize("mode", [NEXT, SAME, OFF])
 def test_the_fleet_without_numba_passes(mode, monkeypatch):
-    monkeypatch.setattr("flatgym.vector.fleet_of", Fleet)
+    monkeypatch.setattr("flatgym.envs.vector.fleet_of", Fleet)
     scenario = replace(flatgym.scenario("ground-6"), time_limit=0.2)
     envs = FlatQuadVectorEnv(2, scenario=scenario, autoreset_mode=mode)
     assert type(envs.fleet) is Fleet

@@ -6,11 +6,11 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from flatgym import DISTRIBUTIONS, SCENARIOS
-from flatgym.course import Starts
-from flatgym.env import FlatQuadEnv
-from flatgym.reference import EVALUATION_SEED, drawn_k_star, reference
-from flatgym.scenario import Tolerance
-from flatgym.vector import FlatQuadVectorEnv
+from flatgym.envs.config import Starts
+from flatgym.envs.env import FlatQuadEnv
+from flatgym.envs.vector import FlatQuadVectorEnv
+from flatgym.scenarios.reference import EVALUATION_SEED, drawn_k_star, reference
+from flatgym.scenarios.scenario import Tolerance
 
 N = 6
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from flatgym.scene import GOAL, OUTCOMES
-from flatgym.words import KEPT, Words
+from flatgym.envs.outcome_words import KEPT, Words
+from flatgym.task.scene import GOAL, OUTCOMES
 
 
 def drawn(generator, n):

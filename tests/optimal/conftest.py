@@ -11,7 +11,7 @@ from numpy.polynomial import chebyshev
 from scipy.integrate import solve_ivp
 
 from flatgym.quadrotor import Array
-from optimal.flat_trajectory import FlatTrajectory
+from optimal.flat.trajectory import FlatTrajectory
 
 INPUTS = 24
 """Samples of the inputs per interval, where they are smooth, for the polynomial that stands for them."""

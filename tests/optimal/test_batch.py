@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import optimal
-from experiments.benchmarking import random_goal
+from experiments.measurements.sections import random_goal
 from flatgym import SCENARIOS
 from optimal import Status, fewest_steps_many, solve_many, store
 from optimal.store import decoded, encoded

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import polynomial as poly
 
-from optimal.bernstein import Pieces, constant, maximum, taylor
+from optimal.flat.bernstein import Pieces, constant, maximum, taylor
 
 
 def pieces(coefficients: np.ndarray) -> Pieces:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario, Tolerance
-from optimal.bounds import passing_windows, projection_bound
-from optimal.shooting import explore, shoot
+from optimal.direct.shooting import explore, shoot
+from optimal.flights.projection_bound import passing_windows, projection_bound
 
 
 def test_the_paper_printed_an_impossible_time():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from optimal.branches import Branch, Held, covered
+from optimal.proof.branches import Branch, Held, covered
 
 SHARES = (0.25, 0.5, 0.75)
 REACH = (-4.0, 4.0)

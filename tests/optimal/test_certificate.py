@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario
-from optimal.certificate import Certificate, certify, control_range
-from optimal.flat_trajectory import FlatTrajectory
-from optimal.paths import PolynomialPath, Resting, smoothstep
-from optimal.pontryagin import pontryagin
-from optimal.shooting import shoot
-from optimal.splines import SplineSpace
+from optimal.direct.shooting import shoot
+from optimal.flat.splines import SplineSpace
+from optimal.flat.trajectory import FlatTrajectory
+from optimal.flights.certificate import Certificate, certify, control_range
+from optimal.flights.trajectory import Trajectory
+from optimal.indirect.pontryagin import pontryagin
+from optimal.paths.curves import PolynomialPath, Resting, smoothstep
 from optimal.systems import PlanarQuadrotor
-from optimal.trajectory import Trajectory
 
 
 @pytest.fixture(scope="module", params=["ground-6", "hoop", "slalom", "loop"])

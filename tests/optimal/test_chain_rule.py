@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from optimal.chain_rule import bell, composed
+from optimal.paths.chain_rule import bell, composed
 
 OUTER, INNER = Polynomial([1.0, -2.0, 0.5, 3.0, -1.0, 0.2]), Polynomial([0.3, 1.2, -0.7, 0.4])
 T = np.linspace(-1.0, 1.0, 9)

@@ -8,12 +8,12 @@ import math
 import numpy as np
 import pytest
 
-from flatgym.catalogue import SCENARIOS
 from flatgym.quadrotor import Array, Quadrotor
-from flatgym.scenario import Hoop, Scenario
-from optimal.corridors import Corridor, corridor, end_weights, paper_corridor
-from optimal.outer_paths import hoop_parameters
-from optimal.paths import PolynomialPath, require_regular
+from flatgym.scenarios.catalogue import SCENARIOS
+from flatgym.scenarios.scenario import Hoop, Scenario
+from optimal.paths.corridors import Corridor, corridor, end_weights, paper_corridor
+from optimal.paths.curves import PolynomialPath, require_regular
+from optimal.paths.outer_paths import hoop_parameters
 
 PRINTED = [*(name for name in SCENARIOS if name.startswith("horizontal")), "ground-6", "diagonal", "hoop"]
 S = np.linspace(0.0, 1.0, 401)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS, Quadrotor
-from optimal.costates import CostateReport, arcs_of, hamiltonian, misalignment, report, sequence, signs_agree
-from optimal.pontryagin import pontryagin
-from optimal.shooting import shoot
+from optimal.direct.shooting import shoot
+from optimal.indirect.arcs import arcs_of, sequence
+from optimal.indirect.costates import CostateReport, hamiltonian, misalignment, report, signs_agree
+from optimal.indirect.pontryagin import pontryagin
 
 FLOWN = [("horizontal-6", 0), ("diagonal", 0), ("climb", 1), ("hoop", 0), ("ground-6", 0)]
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario, Tolerance
-from optimal.branches import Branch, Held
-from optimal.duals import Dual
-from optimal.multipliers import kink_shares, multipliers
-from optimal.separation import separate
-from optimal.shooting import explore
-from optimal.tilt_program import TiltProgram, TimeGrid, time_grid
-from optimal.trajectory import Trajectory
+from optimal.direct.shooting import explore
+from optimal.flights.trajectory import Trajectory
+from optimal.proof.branches import Branch, Held
+from optimal.proof.bundle_method import separate
+from optimal.proof.dual import Dual
+from optimal.proof.initial_multipliers import kink_shares, multipliers
+from optimal.proof.tilt_program import TiltProgram, TimeGrid, time_grid
 
 TURN = 100
 """Angles of a turn: coarse ones, so that the tests are fast."""

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS, Tolerance
-from optimal.bounds import passing_windows
-from optimal.branches import Branch, covered
-from optimal.duals import Dual
-from optimal.exclusion import Exclusion, Shown, windings
-from optimal.multipliers import kink_shares, multipliers
-from optimal.search import search
-from optimal.tilt_program import TiltProgram, TimeGrid, time_grid
+from optimal.direct.multistart import search
+from optimal.flights.projection_bound import passing_windows
+from optimal.proof.branch_and_bound import Exclusion, Shown, windings
+from optimal.proof.branches import Branch, covered
+from optimal.proof.dual import Dual
+from optimal.proof.initial_multipliers import kink_shares, multipliers
+from optimal.proof.tilt_program import TiltProgram, TimeGrid, time_grid
 
 NAMES = ("horizontal-6", "ground-6", "climb", "hoop", "high-hoop")
 

@@ -7,9 +7,9 @@ import pytest
 
 import optimal
 from flatgym import SCENARIOS
-from optimal.export import COLUMNS, FORMATS, load, save
-from optimal.shooting import shoot
-from optimal.trajectory import Samples, Trajectory
+from optimal.direct.shooting import shoot
+from optimal.flights.export import COLUMNS, FORMATS, load, save
+from optimal.flights.trajectory import Samples, Trajectory
 
 
 @pytest.fixture(scope="module")

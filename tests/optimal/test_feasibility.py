@@ -8,7 +8,7 @@ import pytest
 import optimal
 from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario
 from optimal import SolveFailed, Status
-from optimal.feasibility import impossible, passage, suspect, too_far
+from optimal.direct.feasibility import impossible, passage, suspect, too_far
 
 
 def gate(second, radius=0.15, **limits):
@@ -75,7 +75,7 @@ def test_what_is_left_out_when_the_solver_succeeds_is_suspected(monkeypatch):
         def __init__(self, easier):
             self.converged = guilty not in easier.hoops
 
-    monkeypatch.setattr("optimal.feasibility.explore", Answer)
+    monkeypatch.setattr("optimal.direct.feasibility.explore", Answer)
     assert f"without hoops[1] = {guilty}" in suspect(scenario)
-    monkeypatch.setattr("optimal.feasibility.explore", lambda _: Answer(scenario))
+    monkeypatch.setattr("optimal.direct.feasibility.explore", lambda _: Answer(scenario))
     assert "even without" in suspect(scenario)

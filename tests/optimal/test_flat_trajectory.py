@@ -9,9 +9,9 @@ import pytest
 from scipy.interpolate import BSpline
 
 from flatgym.quadrotor import Quadrotor
-from optimal.flat_trajectory import FlatTrajectory
-from optimal.paths import PolynomialPath, smoothstep
-from optimal.splines import SplineSpace
+from optimal.flat.splines import SplineSpace
+from optimal.flat.trajectory import FlatTrajectory
+from optimal.paths.curves import PolynomialPath, smoothstep
 from optimal.systems import FlatSystem, OverheadCrane, PlanarQuadrotor, PointMass
 
 NODES = np.array([0.0, 0.2, 0.55, 0.7, 1.0])

@@ -13,10 +13,10 @@ from toppra.constraint import DiscretizationType, JointAccelerationConstraint, J
 from toppra.interpolator import AbstractGeometricPath
 
 from flatgym.quadrotor import Array
-from optimal.flat_trajectory import FlatTrajectory
-from optimal.following import follow
-from optimal.paths import BezierPath, BSplinePath, Path, PolynomialPath
-from optimal.refinement import INTERVALS, FlatSolution
+from optimal.flat.following import follow
+from optimal.flat.refinement import INTERVALS, FlatSolution
+from optimal.flat.trajectory import FlatTrajectory
+from optimal.paths.curves import BezierPath, BSplinePath, Path, PolynomialPath
 from optimal.systems import FlatSystem, FullQuadrotor, OverheadCrane, PlanarQuadrotor, PointMass
 
 PLANNED_6 = 1.23131929

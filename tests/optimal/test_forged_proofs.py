@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS, Quadrotor
-from flatgym.task import CONTACT_SLACK
-from optimal.branches import Branch, covered
-from optimal.duals import Dual
-from optimal.exclusion import Exclusion, Shown
-from optimal.multipliers import multipliers
-from optimal.proof import Proof, Verdict, least_steps, prove, widened
-from optimal.search import search
-from optimal.tilt_program import TimeGrid, time_grid
+from flatgym.task.transition import CONTACT_SLACK
+from optimal.direct.multistart import search
+from optimal.proof.branch_and_bound import Exclusion, Shown
+from optimal.proof.branches import Branch, covered
+from optimal.proof.dual import Dual
+from optimal.proof.initial_multipliers import multipliers
+from optimal.proof.lower_bound import Proof, Verdict, least_steps, prove, widened
+from optimal.proof.tilt_program import TimeGrid, time_grid
 
 
 def forged(scenario, branch, duration, flown, vehicle=None):

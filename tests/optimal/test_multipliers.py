@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS
-from optimal.branches import Branch
-from optimal.duals import Dual
-from optimal.multipliers import KINKS, kink_shares, multipliers, touches
-from optimal.shooting import shoot
-from optimal.tilt_program import angles_for, time_grid
+from optimal.direct.shooting import shoot
+from optimal.proof.branches import Branch
+from optimal.proof.dual import Dual
+from optimal.proof.initial_multipliers import KINKS, kink_shares, multipliers, touches
+from optimal.proof.tilt_program import angles_for, time_grid
 
 LOW = replace(SCENARIOS["horizontal-6"], ceiling=0.05)
 FLOWN = {name: (SCENARIOS[name], 0) for name in ("horizontal-6", "diagonal", "ground-6", "hoop")} | {

@@ -8,16 +8,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from flatgym.catalogue import SCENARIOS
 from flatgym.quadrotor import Quadrotor
-from optimal.corridors import Corridor, paper_corridor
-from optimal.flat_program import solve_program
-from optimal.flat_trajectory import FlatTrajectory
-from optimal.paths import PolynomialPath, smoothstep
-from optimal.planning import plan, pose
-from optimal.refinement import INTERVALS, SLOW, FlatSolution, _along_central_path, motion, slow_start
+from flatgym.scenarios.catalogue import SCENARIOS
+from optimal.direct.transcription import SUCCESS
+from optimal.flat.planning import plan, pose
+from optimal.flat.program import solve_program
+from optimal.flat.refinement import INTERVALS, SLOW, FlatSolution, _along_central_path, motion, slow_start
+from optimal.flat.trajectory import FlatTrajectory
+from optimal.paths.corridors import Corridor, paper_corridor
+from optimal.paths.curves import PolynomialPath, smoothstep
 from optimal.systems import FullQuadrotor
-from optimal.transcription import SUCCESS
 
 BEST = {
     "horizontal-3": 0.89870292,

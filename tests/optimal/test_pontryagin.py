@@ -10,9 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario
-from optimal.certificate import certify
-from optimal.pontryagin import ControlArc, fastest, pontryagin, singular_step
-from optimal.shooting import shoot
+from optimal.direct.shooting import shoot
+from optimal.flights.certificate import certify
+from optimal.indirect.extremal import ControlArc, singular_step
+from optimal.indirect.pontryagin import fastest, pontryagin
 
 HORIZONTALS = [f"horizontal-{distance}" for distance in (3, 6, 9, 12, 15)]
 FREE = [*((name, 0) for name in (*HORIZONTALS, "diagonal")), *(("climb", 1), ("climb", -1), ("drop", 1))]

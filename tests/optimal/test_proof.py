@@ -8,24 +8,15 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from experiments.benchmarking import random_goal
+from experiments.measurements.sections import random_goal
 from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario, Tolerance
-from optimal.bounds import passing_windows, projection_bound
-from optimal.branches import Branch
-from optimal.duals import Dual
-from optimal.exclusion import Shown
-from optimal.proof import (
-    Proof,
-    Verdict,
-    least_steps,
-    lower_bound,
-    prove,
-    prove_near,
-    prove_steps,
-    widened,
-)
-from optimal.search import search
-from optimal.shooting import explore, shoot
+from optimal.direct.multistart import search
+from optimal.direct.shooting import explore, shoot
+from optimal.flights.projection_bound import passing_windows, projection_bound
+from optimal.proof.branch_and_bound import Shown
+from optimal.proof.branches import Branch
+from optimal.proof.dual import Dual
+from optimal.proof.lower_bound import Proof, Verdict, least_steps, lower_bound, prove, prove_near, prove_steps, widened
 
 CLOSED = ("horizontal-3", "horizontal-6", "horizontal-9", "horizontal-12", "horizontal-15", "ground-6", "diagonal",
           "climb", "drop", "hoop", "high-hoop")  # fmt: skip

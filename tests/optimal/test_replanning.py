@@ -8,7 +8,7 @@ import pytest
 
 from flatgym import SCENARIOS, Hoop, Scenario
 from optimal import fewest_steps
-from optimal.replanning import Underway, replan, rest
+from optimal.discrete.replanning import Underway, replan, rest
 
 
 @pytest.fixture(scope="module")

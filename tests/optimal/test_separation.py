@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS
-from optimal.branches import Branch
-from optimal.duals import Cut, Dual
-from optimal.multipliers import kink_shares, multipliers
-from optimal.separation import STEPS, separate
-from optimal.shooting import shoot
-from optimal.tilt_program import time_grid
+from optimal.direct.shooting import shoot
+from optimal.proof.branches import Branch
+from optimal.proof.bundle_method import STEPS, separate
+from optimal.proof.dual import Cut, Dual
+from optimal.proof.initial_multipliers import kink_shares, multipliers
+from optimal.proof.tilt_program import time_grid
 
 NAMES = ("horizontal-6", "diagonal", "ground-6")
 

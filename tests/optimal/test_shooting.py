@@ -6,11 +6,14 @@ import casadi
 import numpy as np
 import pytest
 
-from experiments.benchmarking import REFERENCE_TIMES
+from experiments.measurements.sections import REFERENCE_TIMES
 from flatgym import SCENARIOS, Scenario
-from optimal.shooting import Shape, bounds, constraints, first_guess, phase_steps, program, shoot
-from optimal.stages import Stages, step_functions
-from optimal.transcription import gaps, step_function
+from optimal.direct.guesses import first_guess
+from optimal.direct.program import Shape, bounds, constraints, phase_steps, program
+from optimal.direct.shooting import shoot
+from optimal.direct.stages import Stages
+from optimal.direct.step_derivatives import step_functions
+from optimal.direct.transcription import gaps, step_function
 
 KNOWN = {name: time for name, time in REFERENCE_TIMES.items() if name != "climb"}
 """Those that make no turn [s]."""

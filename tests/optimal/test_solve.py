@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import optimal
-from experiments.benchmarking import REFERENCE_TIMES
+from experiments.measurements.sections import REFERENCE_TIMES
 from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario
 from optimal import SolveFailed, Status, certify
-from optimal.clearance import tighten
-from optimal.search import search
+from optimal.direct.clearance import tighten
+from optimal.direct.multistart import search
 
 
 @pytest.mark.parametrize("name", ["horizontal-6", "ground-6"])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flatgym.quadrotor import Array
-from optimal.splines import SplineSpace
+from optimal.flat.splines import SplineSpace
 
 UNIFORM, UNEVEN = np.linspace(0, 1, 7), np.array([0.0, 0.05, 0.3, 0.35, 0.8, 1.0])
 SPACES = [SplineSpace(nodes, degree, 2) for nodes in (UNIFORM, UNEVEN) for degree in (2, 3, 4, 5)]

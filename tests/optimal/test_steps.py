@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario, Tolerance, task
-from flatgym.scene import FLOOR, GOAL
-from flatgym.vector import FlatQuadVectorEnv
+from flatgym.envs.vector import FlatQuadVectorEnv
+from flatgym.task.scene import FLOOR, GOAL
 from optimal import SolveFailed, Status, fewest_steps
-from optimal.shooting import explore, shoot
-from optimal.steps import expected, replay
+from optimal.direct.shooting import explore, shoot
+from optimal.discrete.fewest_steps import expected, replay
 
 FOUND = {"horizontal-3": 44, "horizontal-6": 61, "horizontal-15": 94, "diagonal": 70}
 """Orientation from an independent search with a square tolerance; the round one may cost one step more."""

@@ -11,8 +11,8 @@ import pytest
 from scipy.optimize import brentq, minimize
 
 from flatgym import Quadrotor
-from optimal.branches import Held
-from optimal.tilt_program import LEAST_STEPS, UNIT, Most, TiltProgram, TimeGrid, angles_for, time_grid
+from optimal.proof.branches import Held
+from optimal.proof.tilt_program import LEAST_STEPS, UNIT, Most, TiltProgram, TimeGrid, angles_for, time_grid
 
 VEHICLES = (Quadrotor(), Quadrotor(thrust_min=0.5, thrust_max=30, rate_max=5), Quadrotor(3, 14, 20))
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(12)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS, Quadrotor
-from optimal.shooting import shoot
-from optimal.trajectory import Trajectory
+from optimal.direct.shooting import shoot
+from optimal.flights.trajectory import Trajectory
 
 
 @pytest.fixture(scope="module")

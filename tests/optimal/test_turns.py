@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from experiments.benchmarking import random_goal
+from experiments.measurements.sections import random_goal
 from flatgym import SCENARIOS
-from optimal.search import search
-from optimal.shooting import WINDINGS, explore
-from optimal.turns import ANGLES, greatest, hopeless, widest
+from optimal.direct.multistart import search
+from optimal.direct.shooting import WINDINGS, explore
+from optimal.direct.windings import ANGLES, greatest, hopeless, widest
 
 
 @pytest.mark.parametrize("number", range(4))

@@ -1,0 +1,1 @@
+"""Classical control: time-varying LQR tracking, cascaded PD, model predictive control."""

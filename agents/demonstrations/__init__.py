@@ -1,0 +1,19 @@
+"""Demonstrations: optimal flights planned, recorded as Minari datasets, replayed and exported."""
+
+from agents.demonstrations.plans import displaced, flights_folder, plan
+from agents.demonstrations.recording import Demonstration, Replay, check, record, replay
+from agents.demonstrations.storage import dataset_id
+from agents.demonstrations.tables import export
+
+__all__ = [
+    "Demonstration",
+    "Replay",
+    "check",
+    "dataset_id",
+    "displaced",
+    "export",
+    "flights_folder",
+    "plan",
+    "record",
+    "replay",
+]

@@ -1,0 +1,1 @@
+"""Scores: deterministic episodes, gaps to K*, bootstrap intervals."""

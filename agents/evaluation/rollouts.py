@@ -1,0 +1,98 @@
+"""TODO agents/evaluation/rollouts.py."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.policies.policy import Policy
+from flatgym.envs.vector import FlatQuadVectorEnv
+from flatgym.quadrotor import Array
+from flatgym.scenarios.catalogue import ProblemLike
+from flatgym.scenarios.disturbances import Disturbances
+from flatgym.task.scene import OUTCOMES
+
+CALM = Disturbances()
+
+
+@dataclass(frozen=True)
+class Flights:
+    """Flights of one policy.
+
+    Attributes:
+        steps: environment steps until each ended, shape (n,).
+        outcomes: how each ended, n words of OUTCOMES.
+        hoops_passed: shape (n,).
+        states: of each flight, from its start to its end, shapes (K+1, 5).
+        actions: of each flight, within the action space, float32, shapes (K, 2).
+    """
+
+    steps: NDArray[np.int64]
+    outcomes: tuple[str, ...]
+    hoops_passed: NDArray[np.int64]
+    states: tuple[Array, ...]
+    actions: tuple[NDArray[np.float32], ...]
+
+
+def fly(
+    policy: Policy,
+    problem: ProblemLike,
+    episodes: int = 1,
+    seed: int = 0,
+    disturbances: Disturbances = CALM,
+) -> Flights:
+    """Fly `episodes` flights at once, deterministically but for what the seed draws.
+
+    Args:
+        policy: anything with Stable-Baselines3's `predict`.
+        problem: a scenario or a distribution; of the latter flight i is through `distribution.scenario(seed + i)`.
+        episodes: number of flights.
+        seed: of the first flight, the others counting on from it.
+        disturbances: what stands against the vehicle, each flight its own draw.
+
+    Raises:
+        ValueError: when the spaces of the policy are not those of the environment, before anything is flown; when it
+            returns actions of a wrong shape, NaN or infinity.
+    """
+    if episodes < 1:
+        raise ValueError(f"episodes must be at least 1, got {episodes}")
+    envs = FlatQuadVectorEnv(episodes, scenario=problem, reward="sparse", **asdict(disturbances))
+    check_spaces(policy, envs)
+    observations, infos = envs.reset(seed=seed)
+    states, actions, memory = [infos["state"]], [], None
+    steps, passed = np.zeros((2, episodes), dtype=np.int64)
+    outcomes = np.full(episodes, OUTCOMES[0], dtype=object)
+    starts, ended = np.ones(episodes, dtype=bool), np.zeros(episodes, dtype=bool)
+    while (flying := outcomes == OUTCOMES[0]).any():
+        action, memory = policy.predict(observations, state=memory, episode_start=starts, deterministic=True)
+        observations, _, terminated, truncated, infos = envs.step(np.asarray(action))
+        # Who ended flies on; the environment begins his next flight a step later.
+        starts, ended = ended, terminated | truncated
+        actions.append(np.clip(action, -1, 1).astype(np.float32))
+        states.append(infos["state"])
+        steps[flying], outcomes[flying] = infos["steps"][flying], infos["outcome"][flying]
+        passed[flying] = infos["hoops_passed"][flying]
+    return Flights(
+        steps,
+        tuple(map(str, outcomes)),
+        passed,
+        tuple(np.array([state[i] for state in states[: steps[i] + 1]]) for i in range(episodes)),
+        tuple(np.array([action[i] for action in actions[: steps[i]]]) for i in range(episodes)),
+    )
+
+
+def check_spaces(policy: Policy, envs: FlatQuadVectorEnv) -> None:
+    """Refuse a policy that says it sees or does other things than the environment shows and takes.
+
+    Raises:
+        ValueError: naming both shapes.
+    """
+    for name in ("observation_space", "action_space"):
+        wanted, space = getattr(envs, f"single_{name}"), getattr(policy, name, None)
+        if space is not None and space.shape != wanted.shape:
+            raise ValueError(
+                f"the policy has an {name} of shape {space.shape}, {space}, but FlatQuad-v0 one of shape "
+                f"{wanted.shape}; train it in FlatQuad-v0, or hand over an object whose predict() converts"
+            )

@@ -1,0 +1,19 @@
+"""Imitation learning: behaviour cloning and DAgger."""
+
+from agents.imitation.cloning import CloneConfig, clone, student
+from agents.imitation.dataset import Shown, joined, mirrored, recorded
+from agents.imitation.dataset_aggregation import DaggerConfig, dagger
+from agents.imitation.selection import Keeper
+
+__all__ = [
+    "CloneConfig",
+    "DaggerConfig",
+    "Keeper",
+    "Shown",
+    "clone",
+    "dagger",
+    "joined",
+    "mirrored",
+    "recorded",
+    "student",
+]

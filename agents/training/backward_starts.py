@@ -1,0 +1,93 @@
+"""Start states for training: flown backwards from the goal.
+
+An agent that always begins at the start never meets the goal and learns nothing. The exact step
+runs backwards in time as well as forwards, so states from which the goal can be reached quickly
+are drawn by leaving it backwards under random, mostly extreme controls (a time-optimal flight has
+bang-bang thrust and bang-singular rate). A hoop crossed on the way counts as not yet passed. This
+needs neither demonstrations nor a planner.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flatgym.envs.config import Starts
+from flatgym.quadrotor import Array
+from flatgym.scenarios.scenario import Hoop, Scenario
+from flatgym.task.scene import Integers
+
+SPREAD = np.array([2.0, 2.0, 3.0, 3.0, 1.0])
+"""Standard deviations of the states drawn around the goal [m, m, m/s, m/s, rad]."""
+HOLD_TIME = 0.15
+"""Mean time a control is held on the way back [s]."""
+
+
+def backward_starts(
+    scenario: Scenario,
+    *,
+    share: float = 0.8,
+    near: float = 0.125,
+    back_time: float = 1.0,
+    seed: int = 0,
+    size: int = 40_000,
+) -> Starts:
+    """Return a pool of start states for an environment.
+
+    Args:
+        scenario: the task.
+        share: share of flights that begin at a state of the pool, not at the scenario's own start.
+        near: share of the pool drawn around the goal; the rest is flown backwards from it.
+        back_time: longest time flown backwards [s].
+        seed: of the pool.
+        size: number of states in the pool.
+
+    A draw out of bounds is replaced by the scenario's own start.
+    """
+    generator, count = np.random.default_rng(seed), round(size * near)
+    around = scenario.goal_state + generator.normal(size=(count, 5)) * SPREAD * generator.random((count, 1))
+    flown, still_to_pass = fly_back(generator, scenario, back_time * generator.random(size - count))
+    state = np.concatenate([around, flown])
+    passed = np.concatenate([np.full(count, len(scenario.hoops)), still_to_pass])
+    outside = _outside(scenario, state)
+    return Starts(
+        np.where(outside[:, None], scenario.start_state, state), np.where(outside, 0, passed).astype(np.int64), share
+    )
+
+
+def fly_back(generator: np.random.Generator, scenario: Scenario, time: Array) -> tuple[Array, Integers]:
+    """Return states (n, 5) from which random controls reach the goal in `time` [s], shape (n,), and hoops passed (n,).
+
+    Thrust is more often full than not; both controls are extreme two times out of three.
+    """
+    count, quadrotor = len(time), scenario.quadrotor
+    state, passed = np.tile(scenario.goal_state, (count, 1)), np.full(count, len(scenario.hoops))
+    left = time.copy()
+    while (left > 0).any():
+        h = np.minimum(left, generator.exponential(HOLD_TIME, count))
+        sign = np.where(generator.random((count, 2)) < 0.5, -1.0, 1.0)
+        size = np.where(generator.random((count, 2)) < 0.3, generator.random((count, 2)), 1.0)
+        action = sign * size
+        action[:, 0] = np.where(generator.random(count) < 0.6, 1.0, action[:, 0])
+        before = quadrotor.step(state, quadrotor.control(action), -h)
+        for i in reversed(range(len(scenario.hoops))):
+            passed -= (passed == i + 1) & _crosses(scenario.hoops[i], before[:, 0:2], state[:, 0:2])
+        state, left = before, left - h
+    return state, passed
+
+
+def _crosses(hoop: Hoop, here: Array, there: Array) -> NDArray[np.bool_]:
+    """Return whether the chords from here to there, shapes (n, 2), pass the hoop; close enough for a start."""
+    before, after = (here - hoop.centre) @ hoop.direction, (there - hoop.centre) @ hoop.direction
+    through = (before < 0) & (after >= 0)
+    share = np.where(through, before / np.where(through, before - after, 1.0), 0.0)
+    point = here + share[:, None] * (there - here) - hoop.centre
+    return through & (np.abs(point @ hoop.across) < hoop.diameter / 2)
+
+
+def _outside(scenario: Scenario, state: Array) -> NDArray[np.bool_]:
+    low_x, low_z, high_x, high_z = scenario.bounds
+    low_z = low_z if scenario.floor is None else max(low_z, scenario.floor)
+    high_z = high_z if scenario.ceiling is None else min(high_z, scenario.ceiling)
+    x, z = state[:, 0], state[:, 1]
+    return (x < low_x) | (x > high_x) | (z < low_z) | (z > high_z)

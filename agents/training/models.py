@@ -1,0 +1,108 @@
+"""TODO agents/training/models.py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.vec_env import VecEnv
+
+from agents import policies
+from agents.policies import archive
+from agents.policies.guidance import Guidance
+from agents.policies.networks import Zoom, network
+from agents.training.configs import Config, OffPolicyConfig, PPOConfig, SACConfig, TD3Config, TQCConfig
+from agents.training.curriculum import GentleFailure, curriculum
+from agents.training.vec_env import make_vec_env
+
+
+@overload
+def build(config: PPOConfig) -> PPO: ...
+@overload
+def build(config: Config) -> BaseAlgorithm: ...
+def build(config: Config) -> BaseAlgorithm:
+    """Return an untrained model with its environments, or with the network of the policy to start from.
+
+    Raises:
+        ValueError: where the policy to start from is not found, or is another algorithm's.
+    """
+    start = starting_policy(config)
+    kind: Callable[..., BaseAlgorithm] = archive.algorithm(config.algorithm)
+    if start is not None:
+        arguments = dict(start.policy_kwargs)
+    else:
+        critic, seen = "vf" if isinstance(config, PPOConfig) else "qf", Guidance if config.guidance else Zoom
+        arguments = network(critic, config.width, config.depth, config.value_width, config.zoom, seen)
+    if isinstance(config, PPOConfig):
+        arguments["log_std_init"] = config.log_std
+    model = kind(
+        "MlpPolicy",
+        environments(config),
+        learning_rate=config.learning_rate,
+        batch_size=config.batch,
+        gamma=config.discount,
+        seed=config.seed,
+        device="cpu",
+        policy_kwargs=arguments,
+        **_own_arguments(config),
+    )
+    if start is not None:
+        model.policy.load_state_dict(start.policy.state_dict())
+    if isinstance(model, PPO) and isinstance(config, PPOConfig):
+        torch.nn.init.constant_(model.policy.log_std, config.log_std)
+    return model
+
+
+def environments(config: Config) -> VecEnv:
+    """Return the environments of a training, in which to fail costs little."""
+    starts = curriculum(config).starts(0.0)
+    return GentleFailure(
+        make_vec_env(config.scenario, config.num_envs, starts=starts, seed=config.seed), config.failure
+    )
+
+
+def starting_policy(config: Config) -> BaseAlgorithm | None:
+    """Return the policy that training starts from, None for none."""
+    if not config.policy:
+        return None
+    if config.policy in policies.names():
+        found = policies.pretrained(config.policy)
+    elif Path(config.policy).exists():
+        found = policies.load(config.policy, trust=True)
+    else:
+        raise ValueError(
+            f"{type(config).__name__}.policy must be a file or one of the pretrained policies "
+            f"{', '.join(policies.names()) or '(there are none)'}, got {config.policy!r}"
+        )
+    if type(found).__name__ != config.algorithm:
+        raise ValueError(
+            f"{config.policy} is a policy of {type(found).__name__}, from which {config.algorithm} cannot start"
+        )
+    return found
+
+
+def _own_arguments(config: Config) -> dict[str, Any]:
+    """Return the arguments that only this algorithm takes."""
+    if isinstance(config, PPOConfig):
+        return {"n_steps": config.rollout, "n_epochs": config.epochs, "gae_lambda": config.gae}
+    assert isinstance(config, OffPolicyConfig)
+    arguments: dict[str, Any] = {
+        "buffer_size": config.memory,
+        "learning_starts": 0 if config.policy else config.blind_steps,
+        "tau": config.mixing,
+        "train_freq": (config.rollout, "step"),
+        "gradient_steps": config.updates,
+    }
+    if isinstance(config, TD3Config):
+        arguments["action_noise"] = NormalActionNoise(np.zeros(2), np.full(2, config.noise))
+    if isinstance(config, SACConfig):
+        arguments["ent_coef"] = f"auto_{config.entropy}"
+    if isinstance(config, TQCConfig):
+        arguments["top_quantiles_to_drop_per_net"] = config.dropped
+    return arguments

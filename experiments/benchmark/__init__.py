@@ -1,0 +1,1 @@
+"""Agents compared: suites of cells, their results and the leaderboard."""

@@ -1,0 +1,1 @@
+"""The command `flatquad`, one file a command."""

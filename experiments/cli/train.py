@@ -1,0 +1,77 @@
+"""TODO experiments/cli/train.py."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import pandas as pd
+import typer
+
+from experiments.cli.options import AsJson, Problem
+from experiments.terminal import progress_bar, show, upright
+from flatgym.scenarios import catalogue
+from flatgym.scenarios.reference import reference
+
+EXAMPLES = "Example: flatquad train hoop --seed 1 --folder runs/hoop-1; flatquad train random-goal --algorithm sac"
+
+
+def train(
+    scenario: Problem,
+    algorithm: Annotated[str, typer.Option(help="ppo, sac, td3 or tqc.")] = "ppo",
+    seed: Annotated[int, typer.Option(help="Seed of starts, network and exploration.")] = 0,
+    seconds: Annotated[
+        float | None, typer.Option(help="Wall time after which training stops [s].", show_default="the algorithm's")
+    ] = None,
+    env_steps: Annotated[
+        int | None, typer.Option(help="Environment steps of the whole training.", show_default="the algorithm's")
+    ] = None,
+    policy: Annotated[
+        str,
+        typer.Option(
+            help="Policy to start from: a pretrained one, or a zip; code in it is run, so name only your own."
+        ),
+    ] = "",
+    folder: Annotated[
+        Path | None, typer.Option(help="Where all is written.", show_default="runs/ALGORITHM-SCENARIO-SEED")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in the folder.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Train a policy, and keep the best one met; interrupted, it goes on with --resume as if nothing had happened."""
+    from agents.training.configs import config_of
+    from agents.training.train import train
+
+    wanted = {"seconds": seconds, "env_steps": env_steps}
+    config = config_of(
+        algorithm,
+        scenario=scenario,
+        seed=seed,
+        policy=policy,
+        folder=str(folder or Path("runs") / f"{algorithm.lower()}-{catalogue.problem(scenario).name}-{seed}"),
+        **{name: value for name, value in wanted.items() if value is not None},
+    )
+    known = reference(config.scenario)
+    with progress_bar() as bar:
+        work = bar.add_task(f"{config.algorithm} on {scenario}", total=100, note="")
+
+        def watch(point: dict[str, Any]) -> None:
+            share = max(point["env_steps"] / config.env_steps, point["wall_time_s"] / config.seconds)
+            note = f"success {point['success_rate']:.0%}, {point['steps']:.4g} steps"
+            bar.update(work, completed=min(100, round(100 * share)), note=note)
+
+        training = train(config, known.k_star if known else None, resume, watch)
+    best = training.best
+    row = {
+        "scenario": scenario,
+        "algorithm": config.algorithm,
+        "seed": seed,
+        "success_rate": best["success_rate"] if best else 0.0,
+        "steps": best["steps"] if best else None,
+        "k_star": known.k_star if known else None,
+        "gap": known.gap(best["steps"]) if known and best else None,
+        "env_steps": training.env_steps,
+        "wall_time_s": round(training.wall_time_s, 1),
+        "model": str(training.model),
+    }
+    show(pd.DataFrame([row], dtype=object) if as_json else upright(row), as_json, "Trained")

@@ -1,0 +1,1 @@
+"""Is it fast, and is it right? Benchmarks of environments, solvers, proofs and demonstrations."""

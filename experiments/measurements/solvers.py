@@ -1,0 +1,166 @@
+"""The solvers' own benchmark: right, from any start, at the promised order, and fast?
+
+    python -m experiments.measurements.solvers [--out FILE] [--quick] [--section NAME ...]
+
+Every section answers one question in plain rows, with command, date and wall time; they make one JSON file with
+the versions and the machine. Sections run one at a time join those in the file. A further section is a function in
+SECTIONS.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import joblib
+import numpy as np
+
+import optimal
+from experiments.files import Row
+from experiments.measurements import batches, flat, proofs, sections
+from experiments.measurements.rockit import rockit_solver
+from experiments.measurements.sections import (
+    REFERENCE_TIMES,
+    Advance,
+    Section,
+    convergence_order,
+    fresh_process,
+    median,
+    random_goal,
+)
+from flatgym import SCENARIOS, Scenario
+from optimal.direct.multistart import AGREEMENT
+from optimal.direct.program import NODES
+from optimal.direct.shooting import shoot
+
+GOALS, STARTS = 100, 10
+"""Random goals, and random starts for each."""
+ORDER_CASES = (("horizontal-6", 0), ("diagonal", 0), ("climb", 1))
+ORDER_NODES, FINEST = (25, 50, 100, 200, 400), 1600
+PROCESSES = 2
+
+
+def references(quick: bool, advance: Advance) -> list[Row]:
+    """Is every named scenario solved and certified, at the time known from elsewhere?"""
+    names = ["horizontal-3", "climb"] if quick else list(SCENARIOS)
+    rows = []
+    for i, name in enumerate(names):
+        optimal.solve(
+            name, max_gap=None, throw=False
+        )  # builds the programs, so that the time told is that of a warm solve
+        row = optimal.solve(name, throw=False).row()
+        known = REFERENCE_TIMES.get(name)
+        rows.append(row | {"reference_s": known, "deviation": row["time_s"] / known - 1 if known else None})
+        advance(i + 1, len(names))
+    return rows
+
+
+def starts(quick: bool, advance: Advance) -> list[Row]:
+    """How many random starts converge, and how many find the best time? One row a goal, then one for all."""
+    goals, each = (3, 3) if quick else (GOALS, STARTS)
+    generator = np.random.default_rng(0)
+    jobs = [joblib.delayed(starts_of)(random_goal(generator, i), each, seed=i) for i in range(goals)]
+    rows: list[Row] = []
+    for row in joblib.Parallel(n_jobs=PROCESSES, return_as="generator")(jobs):
+        rows.append(row)
+        advance(len(rows), goals)
+    total = {key: sum(row[key] for row in rows) for key in ("starts", "converged", "found_best", "solved")}
+    return [*rows, {"scenario": "all", **total}]
+
+
+def starts_of(scenario: Scenario, count: int, seed: int) -> Row:
+    """Solve a scenario by the front door, then its best winding from `count` random starts; all drawn, none plain."""
+    solution = optimal.solve(scenario, max_gap=None, throw=False)
+    generator = np.random.default_rng((1, seed))
+    shots = [shoot(scenario, solution.winding, generator=generator) for _ in range(count)]
+    times = [shot.trajectory.duration for shot in shots if shot.converged]
+    best = min([solution.time, *times])
+    return {
+        "scenario": scenario.name,
+        "goal_m": list(scenario.goal),
+        "winding": solution.winding,
+        "time_s": solution.time,
+        "best_s": best,
+        "starts": count,
+        "converged": len(times),
+        "found_best": sum(value <= best * (1 + AGREEMENT) for value in times),
+        "solved": int(solution.time <= best * (1 + AGREEMENT)),
+    }
+
+
+def orders(quick: bool, advance: Advance) -> list[Row]:
+    """At which order does the time converge with the grid? Regression of log error on log nodes."""
+    cases, nodes, finest = (ORDER_CASES[:1], (25, 50), 200) if quick else (ORDER_CASES, ORDER_NODES, FINEST)
+    rows: list[Row] = []
+    for i, (name, winding) in enumerate(cases):
+        limit = shoot(SCENARIOS[name], winding, nodes=finest).trajectory.duration
+        times = np.array([shoot(SCENARIOS[name], winding, nodes=n).trajectory.duration for n in nodes])
+        order = convergence_order(nodes, times - limit)
+        rows += [
+            {"scenario": name, "winding": winding, "nodes": n, "time_s": t, "error_s": t - limit, "order": order}
+            for n, t in zip(nodes, times.tolist(), strict=True)
+        ]
+        advance(i + 1, len(cases))
+    return rows
+
+
+def speed(quick: bool, advance: Advance) -> list[Row]:
+    """How long does a warm solve take, ours and rockit's by turns, and how long does the import? Medians."""
+    runs, nodes, imports = (2, 10, 1) if quick else (30, NODES, 7)
+    scenario = SCENARIOS["horizontal-6"]
+    peer = rockit_solver(scenario, nodes)
+
+    def ours() -> tuple[float, int]:
+        shot = shoot(scenario, nodes=nodes)
+        return shot.trajectory.duration, shot.iterations
+
+    rows: list[Row] = []
+    solvers = {"shooting": ours, "rockit": peer}
+    clock: dict[str, list[float]] = {name: [] for name in solvers}
+    answers = {name: solve() for name, solve in solvers.items()}  # the first solve builds
+    for i in range(runs):
+        for name, solve in solvers.items():
+            begun = time.perf_counter()
+            answers[name] = solve()
+            clock[name].append(time.perf_counter() - begun)
+        advance(i + 1, runs + imports)
+    for name, taken in clock.items():
+        duration, iterations = answers[name]
+        rows.append({"what": name, "nodes": nodes, "time_s": duration, "iterations": iterations, **median(taken)})
+    taken = []
+    for i in range(imports):
+        taken.append(fresh_process("import optimal"))
+        advance(runs + i + 1, runs + imports)
+    return [*rows, {"what": "import optimal", **median(taken)}]
+
+
+SECTIONS: dict[str, Section] = {
+    "references": references,
+    "starts": starts,
+    "orders": orders,
+    "speed": speed,
+    "flat": flat.flat,
+    "flat_orders": flat.flat_orders,
+    "corridors": flat.corridors,
+    "pontryagin": flat.pontryagin,
+    "systems": flat.systems,
+    "batch": batches.batch,
+    "bounds": proofs.bounds,
+    "goal_bounds": proofs.goal_bounds,
+    "validity": proofs.validity,
+    "steps": proofs.steps,
+    "goal_steps": proofs.goal_steps,
+    "broken": proofs.broken,
+    "warm": proofs.warm,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the script; see the module's docstring."""
+    out = Path("experiments/results/solvers.json")
+    sections.main("experiments.measurements.solvers", __doc__, SECTIONS, out, arguments)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Flying by keyboard or gamepad."""

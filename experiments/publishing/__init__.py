@@ -1,0 +1,1 @@
+"""Published results as tables and pictures in the README and the docs."""

@@ -1,0 +1,1 @@
+"""How each agent of the benchmark is trained or built."""

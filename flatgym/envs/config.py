@@ -1,0 +1,133 @@
+"""Everything an environment is made with, as one frozen value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flatgym.quadrotor import Array, Quadrotor
+from flatgym.scenarios.catalogue import Problem
+from flatgym.scenarios.disturbances import Disturbances
+from flatgym.scenarios.scenario import STEPS_MOST, Scenario, Tolerance
+from flatgym.task.observation import observation_names
+from flatgym.task.scene import Integers
+from flatgym.validation import number, numbers, whole
+
+REWARDS = ("shaped", "sparse")
+STATE_MOST = 1e4
+"""Greatest magnitude of a component of a start state."""
+
+
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """A pool of states in which episodes begin, for training: a row drawn for each episode from its seed.
+
+    Attributes:
+        state: [x, z, vx, vz, theta], shape (m, 5).
+        hoops_passed: hoops that count as passed already, shape (m,); none by default.
+        share: share of the episodes that begin in the pool; the others begin at the scenario's own start.
+
+    Raises:
+        ValueError: naming what is wrong.
+    """
+
+    state: Array
+    hoops_passed: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    share: float = 1.0
+
+    def __post_init__(self) -> None:
+        state = numbers("Starts.state", self.state)
+        if state.ndim != 2 or not len(state):
+            raise ValueError(f"Starts.state must have shape (m, 5) with m >= 1, got {state.shape}")
+        object.__setattr__(self, "state", check_states(state, state.shape[:1], "Starts.state"))
+        passed = numbers("Starts.hoops_passed", self.hoops_passed)
+        passed = passed if passed.size else np.zeros(len(state))
+        if passed.shape != (len(state),) or np.any(passed != np.floor(passed)) or np.any((passed < 0) | (passed > 1e6)):
+            raise ValueError(f"Starts.hoops_passed must be whole numbers >= 0 of shape ({len(state)},), got {passed}")
+        object.__setattr__(self, "hoops_passed", passed.astype(np.int64))
+        if not 0 <= number("Starts", "share", self.share) <= 1:
+            raise ValueError(f"Starts.share must lie in [0, 1], got {self.share}")
+
+
+def check_states(state: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
+    """Return states of shape (*shape, 5) as floats; a ValueError for anything else."""
+    values = numbers(name, state).astype(np.float64)
+    if values.shape != (*shape, 5) or not np.all(np.abs(values) <= STATE_MOST):
+        each = " for each vehicle" if shape else ""
+        raise ValueError(
+            f"{name} must be five finite numbers [x, z, vx, vz, theta]{each}, within {STATE_MOST:g} of zero, "
+            f"got {state!r}"
+        )
+    return values
+
+
+@dataclass(frozen=True)
+class Course:
+    """What an environment is made with.
+
+    Attributes:
+        problem: the scenario, or the distribution from which each episode's is drawn.
+        reward: "shaped" or "sparse".
+        observation: "features" or "state".
+        disturbances: what stands against the vehicle.
+        starts: where episodes begin in training; only with a scenario.
+        steps_most: truncate after so many steps, should that be sooner than the problem's time limit.
+
+    Raises:
+        ValueError: naming the argument, its value and what is allowed.
+    """
+
+    problem: Problem
+    reward: str = "shaped"
+    observation: str = "features"
+    disturbances: Disturbances = field(default_factory=Disturbances)
+    starts: Starts | None = None
+    steps_most: int | None = None
+
+    def __post_init__(self) -> None:
+        observation_names(self.observation)
+        if not isinstance(self.reward, str) or self.reward not in REWARDS:
+            raise ValueError(f"unknown reward {self.reward!r}; known: {', '.join(REWARDS)}")
+        if self.steps_most is not None:
+            whole("max_episode_steps", self.steps_most, 1, STEPS_MOST)
+        if self.starts is None:
+            return
+        if not isinstance(self.starts, Starts):
+            raise ValueError(f"starts must be a flatgym.envs.config.Starts or None, got {self.starts!r}")
+        if not isinstance(self.problem, Scenario):
+            raise ValueError(f"starts belong to a scenario, not to the distribution {self.problem.name!r}")
+        most, allowed = int(self.starts.hoops_passed.max()), len(self.problem.hoops)
+        if most > allowed:
+            raise ValueError(f"Starts.hoops_passed must not exceed the {allowed} hoops of the scenario, got {most}")
+
+    @property
+    def shaped(self) -> bool:
+        """Whether the reward is shaped."""
+        return self.reward == "shaped"
+
+    @property
+    def quadrotor(self) -> Quadrotor:
+        """The vehicle."""
+        return self.problem.quadrotor
+
+    @property
+    def tolerance(self) -> Tolerance:
+        """What counts as arrived."""
+        return self.problem.tolerance
+
+    @property
+    def dt(self) -> float:
+        """Length of a step [s]."""
+        return self.problem.dt
+
+    @property
+    def last_step(self) -> int:
+        """The number of steps after which a flight is truncated; rewards and the time seen know the time limit only."""
+        return min(self.steps_most or STEPS_MOST, self.problem.max_steps)
+
+    @property
+    def hoops_most(self) -> int:
+        """Most hoops of an episode."""
+        return len(self.problem.hoops) if isinstance(self.problem, Scenario) else self.problem.hoops[1]

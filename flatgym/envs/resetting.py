@@ -1,0 +1,89 @@
+"""How an episode begins: seeds and options of `reset`, checked, for one flight and for many alike."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flatgym.envs.config import check_states
+from flatgym.envs.fleet import Begun, Fleet, Mask, Seeds
+from flatgym.quadrotor import Array
+from flatgym.scenarios.reference import k_star_of
+from flatgym.scenarios.scenario import Scenario
+from flatgym.validation import numbers
+
+OPTIONS = ("state", "hoops_passed")
+
+
+def check_options(options: Any, known: tuple[str, ...] = OPTIONS) -> dict[str, Any]:
+    """Return a copy of the options of `reset`; a ValueError for what is no dict, and for unknown keys."""
+    if options is None:
+        return {}
+    if not isinstance(options, dict):
+        raise ValueError(f"options must be a dict or None, got {options!r}; known: {', '.join(known)}")
+    unknown = set(options) - set(known)
+    if unknown:
+        raise ValueError(f"unknown reset options {sorted(unknown, key=str)}; known: {', '.join(known)}")
+    return dict(options)
+
+
+def begin(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any]) -> Begun:
+    """Begin the next episodes under `mask`, or the first of `seeds`, as the options say.
+
+    Args:
+        fleet: n flights.
+        mask: whose episodes begin, shape (n,).
+        seeds: new seeds, shape (n,), or None to go on with the old ones.
+        options: "state", five numbers or (n, 5), and "hoops_passed", a number or (n,).
+
+    Raises:
+        ValueError: for options of a wrong shape or range; nothing has changed then.
+    """
+    before = fleet.ids.copy()
+    fleet.reseed(mask, seeds)
+    try:
+        state, passed = _state(fleet, options), _hoops_passed(fleet, mask, options)
+    except ValueError:
+        fleet.ids[:] = before
+        raise
+    return fleet.reset(mask, state, passed)
+
+
+def known_k_star(fleet: Fleet, first: bool) -> Array:
+    """Return K* of the episodes that begin now at their own starts, the first of their seeds or later ones.
+
+    Shape (n,), NaN where none is known: of what is drawn later, and where episodes begin in a pool of starts.
+    """
+    course = fleet.course
+    if course.starts is not None or not (first or isinstance(course.problem, Scenario)):
+        return np.full(fleet.n, np.nan)
+    return k_star_of(course.problem, fleet.seeds)
+
+
+def check_seed(seed: Any) -> int:
+    """Return a seed as a number; a ValueError for what is none."""
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**63:
+        raise ValueError(f"a seed must be a whole number in 0..2^63 - 1, got {seed!r}")
+    return int(seed)
+
+
+def _state(fleet: Fleet, options: dict[str, Any]) -> Any:
+    if "state" not in options:
+        return None
+    shape = (fleet.n,) if numbers("options['state']", options["state"]).ndim > 1 else ()
+    return np.broadcast_to(check_states(options["state"], shape, "options['state']"), (fleet.n, 5))
+
+
+def _hoops_passed(fleet: Fleet, mask: Mask, options: dict[str, Any]) -> Any:
+    if "hoops_passed" not in options:
+        return None
+    value, counts = numbers("options['hoops_passed']", options["hoops_passed"]), fleet.hoop_counts()
+    if value.shape not in ((), (fleet.n,)) or value.dtype.kind not in "iu":
+        raise ValueError(f"options['hoops_passed'] must be a whole number or one for each of {fleet.n}, got {value!r}")
+    passed = np.broadcast_to(value, (fleet.n,))
+    wrong = mask & ((passed < 0) | (passed > counts))
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise ValueError(f"options['hoops_passed'] must lie in 0..{counts[i]}, got {int(passed[i])}")
+    return passed.astype(np.int64)

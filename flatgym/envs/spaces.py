@@ -1,0 +1,32 @@
+"""TODO flatgym/envs/spaces.py."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flatgym.quadrotor import Array
+from flatgym.task.observation import observation_names
+from flatgym.validation import numbers
+
+
+def observation_space(observation: str = "features") -> gym.Space[Any]:
+    """The space of one observation, named by `observation_names`."""
+    most = 1.0 if observation == "features" else np.inf
+    return gym.spaces.Box(-most, most, (len(observation_names(observation)),), np.float32)
+
+
+def action_space() -> gym.Space[Any]:
+    """The space of one action: thrust and rate, scaled to [-1, 1]."""
+    return gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+
+def take_actions(actions: ArrayLike, into: Array) -> None:
+    """Copy actions into an array of their shape; a ValueError for another shape, and for what are no numbers."""
+    values = numbers("actions", actions)
+    if values.shape != into.shape:
+        raise ValueError(f"actions must have shape {into.shape}, got {values.shape}")
+    into[...] = values

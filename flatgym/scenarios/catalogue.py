@@ -1,0 +1,89 @@
+"""The named scenarios of the benchmark, and the way from a name to a Scenario."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from types import MappingProxyType
+from typing import TypeAlias
+
+from flatgym.scenarios.distributions import DISTRIBUTIONS, Distribution
+from flatgym.scenarios.scenario import Hoop, Scenario
+
+ScenarioLike: TypeAlias = str | Scenario
+"""A name of SCENARIOS, a scenario as a JSON text, or a Scenario."""
+Problem: TypeAlias = Scenario | Distribution
+"""What an environment can fly."""
+ProblemLike: TypeAlias = str | Problem
+"""A name of SCENARIOS or DISTRIBUTIONS, a scenario as a JSON text, a Scenario or a Distribution."""
+
+_QUARTER = math.pi / 2
+_NAMED = (
+    *(Scenario(f"horizontal-{d}", (0.0, 0.0), (float(d), 0.0)) for d in (3, 6, 9, 12, 15)),
+    Scenario("ground-6", (0.0, 0.0), (6.0, 0.0), floor=0.0),
+    Scenario("diagonal", (0.0, 0.0), (5.0, 5.0)),
+    Scenario("hoop", (0.0, 0.0), (5.0, 5.0), hoops=(Hoop(2.5, 2.5, 0.5),)),
+    Scenario("climb", (0.0, 0.0), (0.0, 5.0)),
+    Scenario("drop", (0.0, 0.0), (0.0, -5.0)),
+    Scenario("high-hoop", (0.0, 0.0), (5.0, 5.0), hoops=(Hoop(2.5, 4.25, 0.5),)),
+    Scenario(
+        "slalom",
+        (0.0, 0.0),
+        (9.0, 0.0),
+        hoops=(Hoop(2.5, 1.5, 0.5), Hoop(5.0, -1.5, 0.5), Hoop(7.5, 1.5, 0.5)),
+    ),
+    # Four gaps on a circle, each flown along the tangent: whoever passes them in order has
+    # flown a full vertical loop before the first gap lets him through again.
+    Scenario(
+        "loop",
+        (0.0, 0.0),
+        (6.0, 0.0),
+        hoops=(
+            Hoop(3.0, 0.0, 1.0),
+            Hoop(4.5, 1.5, 1.0, _QUARTER),
+            Hoop(3.0, 3.0, 1.0, 2 * _QUARTER),
+            Hoop(1.5, 1.5, 1.0, 3 * _QUARTER),
+            Hoop(3.0, 0.0, 1.0),
+        ),
+    ),
+)
+
+SCENARIOS = MappingProxyType({scenario.name: scenario for scenario in _NAMED})
+"""The named scenarios, by name (read-only)."""
+
+DEFAULT_SCENARIO = "hoop"
+
+
+def scenario(name: ScenarioLike) -> Scenario:
+    """Return the named scenario; a Scenario is returned as it is, a JSON text of one is read.
+
+    JSON texts let environment specifications, which must be plain data, carry any scenario.
+
+    Raises:
+        ValueError: for an unknown name, listing the known ones and the nearest, and for a distribution.
+        TypeError: for anything that is neither a name nor a Scenario.
+    """
+    found = problem(name)
+    if isinstance(found, Distribution):
+        raise ValueError(
+            f"{found.name!r} is a distribution of scenarios; draw one: "
+            f"flatgym.DISTRIBUTIONS[{found.name!r}].scenario(seed, episode)"
+        )
+    return found
+
+
+def problem(name: ProblemLike) -> Problem:
+    """Return the named scenario or distribution, as `scenario` does."""
+    if isinstance(name, (Scenario, Distribution)):
+        return name
+    if not isinstance(name, str):
+        raise TypeError(f"expected the name of a scenario, a Scenario or a Distribution, got {name!r}")
+    if name.startswith("{"):
+        return Scenario.from_json(name)
+    known = SCENARIOS | DISTRIBUTIONS
+    try:
+        return known[name]
+    except KeyError:
+        near = difflib.get_close_matches(name, known, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise ValueError(f"unknown scenario {name!r}; known: {', '.join(known)}{hint}") from None

@@ -1,0 +1,17 @@
+"""The task as plain functions over batches: initial, advance, observe, reward."""
+
+from flatgym.task.observation import OBSERVATION_NAMES, OBSERVATIONS, observation_names, observe
+from flatgym.task.rewards import reward
+from flatgym.task.rollout import fly_actions
+from flatgym.task.transition import advance, initial
+
+__all__ = [
+    "OBSERVATIONS",
+    "OBSERVATION_NAMES",
+    "advance",
+    "fly_actions",
+    "initial",
+    "observation_names",
+    "observe",
+    "reward",
+]

@@ -1,0 +1,152 @@
+"""Many scenarios as arrays, and where their vehicles stand.
+
+A Scene holds n scenarios as a structure of arrays, a Situation the n flights through them. Both are
+frozen values: the verbs of `flatgym.task` take them and return new ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flatgym.quadrotor import Array, Quadrotor
+from flatgym.scenarios.scenario import Scenario, Tolerance
+
+Integers = NDArray[np.int64]
+
+OUTCOMES = ("flying", "goal", "collision", "floor", "ceiling", "out-of-bounds", "time-limit")
+"""Every word for how a flight stands; all but the first end it."""
+FLYING, GOAL, COLLISION, FLOOR, CEILING, OUT_OF_BOUNDS, TIME_LIMIT = range(len(OUTCOMES))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The scenarios of n vehicles as arrays; hoops padded to the largest number H.
+
+    Attributes:
+        quadrotor, tolerance, dt: shared by all.
+        start, goal: points [m], shape (n, 2).
+        hoop_centre, hoop_direction: shape (n, H, 2) [m], [-].
+        hoop_diameter: shape (n, H) [m].
+        hoop_count: number of hoops, shape (n,).
+        floor, ceiling: heights [m], shape (n,); infinite where there is none.
+        bounds: least x, least z, greatest x, greatest z [m], shape (n, 4).
+        max_steps: steps of the time limit, shape (n,).
+        last_step: steps after which a flight is truncated, shape (n,); sooner than the time limit if one wants it so.
+        thrust_factor: by which the commanded thrust is multiplied, shape (n,).
+        wind: acceleration by the wind [m/s^2], shape (n, 2).
+        delay: steps by which actions come late, shape (n,); whoever hands over the controls sees to it.
+    """
+
+    quadrotor: Quadrotor
+    tolerance: Tolerance
+    dt: float
+    start: Array
+    goal: Array
+    hoop_centre: Array
+    hoop_direction: Array
+    hoop_diameter: Array
+    hoop_count: Integers
+    floor: Array
+    ceiling: Array
+    bounds: Array
+    max_steps: Integers
+    last_step: Integers
+    thrust_factor: Array
+    wind: Array
+    delay: Integers
+
+    @classmethod
+    def of(cls, scenarios: Sequence[Scenario]) -> Scene:
+        """Return the scene of n scenarios that share vehicle, tolerance and dt."""
+        first = scenarios[0]
+        for name in ("quadrotor", "tolerance", "dt"):
+            for other in scenarios:
+                if getattr(other, name) != getattr(first, name):
+                    raise ValueError(
+                        f"scenarios flown together must share {name}: {first.name!r} has {getattr(first, name)}, "
+                        f"{other.name!r} has {getattr(other, name)}"
+                    )
+        n, most = len(scenarios), max(len(s.hoops) for s in scenarios)
+        centre, direction, diameter = np.zeros((n, most, 2)), np.zeros((n, most, 2)), np.zeros((n, most))
+        for i, s in enumerate(scenarios):
+            for j, hoop in enumerate(s.hoops):
+                centre[i, j], direction[i, j], diameter[i, j] = hoop.centre, hoop.direction, hoop.diameter
+        return cls(
+            quadrotor=first.quadrotor,
+            tolerance=first.tolerance,
+            dt=first.dt,
+            start=np.array([s.start for s in scenarios]),
+            goal=np.array([s.goal for s in scenarios]),
+            hoop_centre=centre,
+            hoop_direction=direction,
+            hoop_diameter=diameter,
+            hoop_count=np.array([len(s.hoops) for s in scenarios]),
+            floor=np.array([-np.inf if s.floor is None else s.floor for s in scenarios]),
+            ceiling=np.array([np.inf if s.ceiling is None else s.ceiling for s in scenarios]),
+            bounds=np.array([s.bounds for s in scenarios]),
+            max_steps=np.array([s.max_steps for s in scenarios]),
+            last_step=np.array([s.max_steps for s in scenarios]),
+            thrust_factor=np.ones(n),
+            wind=np.zeros((n, 2)),
+            delay=np.zeros(n, dtype=np.int64),
+        )
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def repeat(self, n: int) -> Scene:
+        """Return the scene with each of its scenarios n times."""
+        arrays: dict[str, Any] = {name: np.repeat(value, n, axis=0) for name, value in self._arrays().items()}
+        return replace(self, **arrays)
+
+    def put(self, rows: NDArray[Any], other: Scene) -> Scene:
+        """Return this scene with the scenarios at `rows` taken from `other`, which is as long as there are rows."""
+        arrays: dict[str, Any] = {name: value.copy() for name, value in self._arrays().items()}
+        for name, value in arrays.items():
+            value[rows] = getattr(other, name)
+        return replace(self, **arrays)
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Where n flights stand.
+
+    Attributes:
+        state: [x, z, vx, vz, theta], shape (n, 5).
+        steps: environment steps flown, shape (n,).
+        hoops_passed: hoops passed so far, shape (n,).
+        outcome: index into OUTCOMES, shape (n,).
+    """
+
+    state: Array
+    steps: Integers
+    hoops_passed: Integers
+    outcome: Integers
+
+    @property
+    def terminated(self) -> NDArray[np.bool_]:
+        """Whether the flight has ended for good, shape (n,)."""
+        return (self.outcome != FLYING) & (self.outcome != TIME_LIMIT)
+
+    @property
+    def truncated(self) -> NDArray[np.bool_]:
+        """Whether only the clock ended the flight, shape (n,)."""
+        return self.outcome == TIME_LIMIT
+
+    def put(self, mask: NDArray[np.bool_], other: Situation) -> Situation:
+        """Return these situations with those under `mask`, shape (n,), taken from `other`."""
+        return Situation(
+            state=np.where(mask[:, None], other.state, self.state),
+            steps=np.where(mask, other.steps, self.steps),
+            hoops_passed=np.where(mask, other.hoops_passed, self.hoops_passed),
+            outcome=np.where(mask, other.outcome, self.outcome),
+        )

@@ -1,0 +1,1 @@
+"""Direct multiple shooting over windings and initial guesses."""

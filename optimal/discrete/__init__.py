@@ -1,0 +1,1 @@
+"""Fewest environment steps, K*: controls held for dt, tolerance at the goal."""

@@ -1,0 +1,192 @@
+"""What a flat motion of the planar quadrotor does at most, proven in continuous time.
+
+Outer paths y_i(s), weights p_i(s) and squared speed b(s) are polynomials between the nodes and the
+paths' knots, and so are, with ' = d/ds and g upwards,
+
+    A  = y'' b + y' b'/2 + (0, g),                thrust^2 = |A|^2,
+    A' = y''' b + 3/2 y'' b' + y' b''/2,          rate^2 = b (A_x' A_z - A_x A_z')^2 / |A|^4.
+
+Their Bernstein coefficients (`optimal.flat.bernstein`) bound them. A path that is no piecewise
+polynomial, a b not shown to be positive, or an A that jumps where pieces meet - the tilt would turn
+in no time - shows nothing: the range is infinite.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import reduce
+from operator import add
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.optimize import brentq
+
+from flatgym.quadrotor import Array
+from optimal.flat.bernstein import Pieces, constant, maximum, taylor
+from optimal.paths.chain_rule import composed
+from optimal.paths.curves import BezierPath, BSplinePath, Path, PolynomialPath, Resting, smoothstep
+
+if TYPE_CHECKING:
+    from optimal.flat.trajectory import FlatTrajectory
+
+JUMP = 1e-9
+"""How far the thrust vectors of two pieces that meet may be apart, relative to their length: rounding's share."""
+UNKNOWN = np.array([[-math.inf, -math.inf], [math.inf, math.inf]])
+
+
+def control_range(flight: FlatTrajectory, gravity: float) -> Array:
+    """Return least and greatest [thrust, rate] of a motion in the plane, proven, shape (2, 2); infinite if not shown.
+
+    Args:
+        flight: the motion.
+        gravity: gravitational acceleration [m/s^2].
+    """
+    ends = knots(flight)
+    if ends is None:
+        return UNKNOWN
+    begin, width = ends[:-1], np.diff(ends)
+    path = path_pieces(flight, begin, width)
+    b, slope, bend = (spline_pieces(flight.squared_speed, k, begin, width) for k in range(3))
+    if not maximum(-b) < 0:
+        return UNKNOWN
+    ahead = [second * b + first * slope * 0.5 for first, second in zip(path[1], path[2], strict=True)]
+    ahead[1] = ahead[1] + gravity
+    turned = [
+        third * b + second * slope * 1.5 + first * bend * 0.5
+        for first, second, third in zip(path[1], path[2], path[3], strict=True)
+    ]
+    square = ahead[0] * ahead[0] + ahead[1] * ahead[1]
+    cross = turned[0] * ahead[1] - ahead[0] * turned[1]
+    rate = _root(maximum(b * cross * cross, square * square)) if _meet(ahead) else math.inf
+    return np.array([[_root(-maximum(-square)), -rate], [_root(maximum(square)), rate]])
+
+
+def farthest(flight: FlatTrajectory, direction: Array) -> float:
+    """Return a proven upper bound of y . direction over a motion [m]; inf if not shown."""
+    if (ends := knots(flight)) is None:
+        return math.inf
+    x, z = path_pieces(flight, ends[:-1], np.diff(ends), 0)[0]
+    return maximum(x * float(direction[0]) + z * float(direction[1]))
+
+
+def nearest(flight: FlatTrajectory, point: Array) -> float:
+    """Return a proven lower bound of |y - point| over a motion [m]; 0 if not shown."""
+    if (ends := knots(flight)) is None:
+        return 0.0
+    x, z = path_pieces(flight, ends[:-1], np.diff(ends), 0)[0]
+    x, z = x - float(point[0]), z - float(point[1])
+    return _root(-maximum(-(x * x + z * z)))
+
+
+def _root(square: float) -> float:
+    return math.sqrt(max(square, 0.0))
+
+
+def _meet(ahead: list[Pieces]) -> bool:
+    """Return whether the thrust vectors of neighbouring pieces agree."""
+    jumps = [part.coefficients[1:, 0] - part.coefficients[:-1, -1] for part in ahead]
+    length = np.hypot(*(part.coefficients[1:, 0] for part in ahead))
+    return bool((np.hypot(*jumps) <= JUMP * length).all())
+
+
+def knots(flight: FlatTrajectory) -> Array | None:
+    """Return the coordinates between which everything is a polynomial; None where a path is not made of such."""
+    found = [_path_knots(path) for path in flight.outer_paths]
+    if any(k is None for k in found):
+        return None
+    inside = [k for k in found if k is not None]
+    splines = [flight.weights.t, flight.squared_speed.t] if len(found) > 1 else [flight.squared_speed.t]
+    every = np.unique(np.concatenate([flight.nodes, *inside, *splines]))
+    return np.asarray(every[(every >= 0) & (every <= 1)])
+
+
+def _path_knots(path: Path) -> Array | None:
+    if isinstance(path, PolynomialPath | BezierPath):
+        return np.array([0.0, 1.0])
+    if isinstance(path, BSplinePath):
+        return np.asarray(path._spline.t)
+    if (
+        isinstance(path, Resting)
+        and not isinstance(path.path, Resting)
+        and (inner := _path_knots(path.path)) is not None
+    ):
+        q = smoothstep(path.order)
+        within = inner[(inner > 0) & (inner < 1)]
+        return np.array([0.0, *(brentq(lambda s, k=k: q(s) - k, 0.0, 1.0, xtol=1e-16) for k in within), 1.0])
+    return None
+
+
+def _degree(path: Path) -> int:
+    if isinstance(path, PolynomialPath):
+        return max(len(row) for row in path.coefficients) - 1
+    if isinstance(path, BezierPath):
+        return len(path.points) - 1
+    if isinstance(path, BSplinePath):
+        return path.degree
+    raise TypeError(f"a {type(path).__name__} is not known to be made of polynomials")
+
+
+def path_pieces(flight: FlatTrajectory, begin: Array, width: Array, order: int = 3) -> list[list[Pieces]]:
+    """Return y and its derivatives with respect to s, up to an order, each as a list of coordinates."""
+    orders = range(order + 1)
+    last = [outer_pieces(flight.outer_paths[-1], k, begin, width) for k in orders]
+    found = [list(coordinates) for coordinates in last]
+    for i, path in enumerate(flight.outer_paths[:-1]):
+        apart = [
+            [mine - other for mine, other in zip(outer_pieces(path, k, begin, width), last[k], strict=True)]
+            for k in orders
+        ]
+        weight = BSpline(flight.weights.t, flight.weights.c[..., i], flight.weights.k)
+        share = [spline_pieces(weight, k, begin, width) for k in orders]
+        for o in orders:
+            for c in range(len(found[o])):
+                terms = [share[k] * apart[o - k][c] * float(math.comb(o, k)) for k in range(o + 1)]
+                found[o][c] = reduce(add, terms, found[o][c])
+    return found
+
+
+def outer_pieces(path: Path, order: int, begin: Array, width: Array) -> list[Pieces]:
+    """Return the derivative of a path of that order with respect to s as pieces, coordinate by coordinate."""
+    if isinstance(path, Resting):
+        return _composed(path, order, begin, width)
+    derivatives = [path(begin, k) for k in range(order, max(order, _degree(path)) + 1)]
+    return [taylor([d[..., c] for d in derivatives], width) for c in range(derivatives[0].shape[-1])]
+
+
+def spline_pieces(spline: BSpline, order: int, begin: Array, width: Array) -> Pieces:
+    """Return the derivative of a scalar spline of that order as pieces.
+
+    Differences of differences of its coefficients lose less than derivatives of basis functions would.
+    """
+    derivatives, t, c = [], spline.t, spline.c
+    for degree in range(spline.k, -1, -1):
+        derivatives.append(BSpline(t, c, degree)(begin))
+        span = t[degree + 1 : -1] - t[1 : -degree - 1]
+        # Where knots coincide there is no piece for the coefficient to matter on.
+        c = np.diff(c) * degree / np.where(span > 0, span, 1.0)
+        t = t[1:-1]
+    return taylor(derivatives[order:] or [np.zeros_like(begin)], width)
+
+
+def _composed(path: Resting, order: int, begin: Array, width: Array) -> list[Pieces]:
+    """Return the derivative of y(q(s)), the inner Taylor series summed by Horner's rule, Faa di Bruno's outside."""
+    q = smoothstep(path.order)
+    inner = [taylor([q.deriv(i)(begin) for i in range(k, q.degree() + 1)], width) for k in range(order + 1)]
+    at = np.clip(q(begin), 0.0, 1.0)
+    ahead = inner[0] + Pieces(-at[:, None], np.zeros(len(at)))
+    degree = _degree(path.path)
+    outer = [path.path(at, k) for k in range(degree + 1)]
+
+    def coordinate(c: int) -> Pieces:
+        parts = []
+        for k in range(order + 1):
+            total = constant(0.0, len(at))
+            for j in range(degree, k - 1, -1):
+                value = outer[j][:, c] / math.factorial(j - k)
+                total = total * ahead + Pieces(value[:, None], 64 * np.finfo(np.float64).eps * np.abs(value))
+            parts.append(total)
+        found = composed(parts, inner[1:], order)
+        return found if isinstance(found, Pieces) else constant(float(found), len(at))
+
+    return [coordinate(c) for c in range(outer[0].shape[-1])]

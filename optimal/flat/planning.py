@@ -1,0 +1,120 @@
+"""Path planning and path following as one fixed-end problem, paper eq. (10), for any flat system.
+
+The path is y(s) = sum p_i(s) y_i(s), p_i >= 0, sum p_i = 1, travelled with ds/dt = sqrt(b(s)), and
+
+    minimise    T = integral of ds / sqrt(b)                                                (7)
+    subject to  b > 0,  states and inputs within their limits,                              (10)
+                at rest at s = 0 and s = 1.
+
+(The paper misprints the time element as ds/sqrt(s).) `optimal.flat.program` is the transcription,
+`optimal.flat.refinement` the way to its solution. `checks="nodes"` is the paper's discretisation and
+lies between its nodes; `checks="certified"` holds in continuous time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flatgym.quadrotor import Quadrotor
+from optimal.flat.problem import Problem
+from optimal.flat.refinement import INTERVALS, FlatSolution, central, motion, optimise
+from optimal.paths.curves import Path
+from optimal.systems import FlatSystem, PlanarQuadrotor
+
+STANDSTILL = 1e-6
+"""The least |y'| of a path that leads somewhere [m]."""
+
+
+def plan(
+    outer_paths: Sequence[Path],
+    system: FlatSystem | Quadrotor | None = None,
+    *,
+    ends: ArrayLike | None = None,
+    conditions: str = "explicit",
+    checks: str = "certified",
+    intervals: int = INTERVALS,
+) -> FlatSolution:
+    """Return the fastest motion between outer paths, from rest to rest.
+
+    Args:
+        outer_paths: k >= 2 paths answering `path(s, order)`, as often differentiable as the system's
+            order, at rest (y' = 0) at s = 0 and 1; `optimal.paths.corridors` makes them.
+        system: what moves, with its limits; a planar quadrotor by default.
+        ends: the weights of all paths at s = 0 and s = 1, shape (2, k); 1/k by default.
+        conditions: "explicit": the state at both ends is a constraint; "implicit": all derivatives of
+            the weights below the system's order vanish there, as the paths' must (section II-E).
+        checks: "certified": limits hold in continuous time; "nodes": as published, at grid nodes only,
+            with what happens in between as the solution's violation.
+        intervals: pieces of the weights and of b on the first grid.
+
+    Returns:
+        The solution; where the solve fails its time is inf and its status says why.
+
+    Raises:
+        ValueError: for arguments that describe no problem.
+
+    Source: eq. (10), started as section II-E proposes.
+    """
+    problem = pose(outer_paths, system, ends, conditions, checks)
+    if len(outer_paths) < 2:
+        raise ValueError(f"outer_paths must be at least two paths, got {len(outer_paths)}; `follow` takes a single one")
+    return optimise(problem, intervals)
+
+
+def pose(
+    outer_paths: Sequence[Path],
+    system: FlatSystem | Quadrotor | None,
+    ends: ArrayLike | None,
+    conditions: str,
+    checks: str,
+) -> Problem:
+    """Return the validated problem."""
+    system = PlanarQuadrotor(system or Quadrotor()) if not isinstance(system, FlatSystem) else system
+    paths = tuple(outer_paths)
+    weights = np.full((2, len(paths)), 1 / len(paths)) if ends is None else np.asarray(ends, dtype=np.float64)
+    if checks not in ("certified", "nodes"):
+        raise ValueError(f'checks must be "certified" or "nodes", got {checks!r}')
+    if conditions not in ("explicit", "implicit"):
+        raise ValueError(f'conditions must be "explicit" or "implicit", got {conditions!r}')
+    if weights.shape != (2, len(paths)) or not (
+        np.all(weights >= 0) and np.allclose(weights.sum(axis=1), 1, rtol=0, atol=1e-9)
+    ):
+        raise ValueError(f"ends must be {len(paths)} weights >= 0 with sum 1 at either end, got {weights.tolist()}")
+    for i, path in enumerate(paths):
+        if np.shape(path(0.0)) != (len(system.outputs),):
+            raise ValueError(
+                f"path {i} has {np.shape(path(0.0))[-1]} coordinates, but {type(system).__name__} needs "
+                f"{len(system.outputs)}: {', '.join(system.outputs)}"
+            )
+    # Only lifted attitudes can be held upright by themselves; else the jet must vanish.
+    explicit = conditions == "explicit" and bool(system.lift().names)
+    problem = Problem(system, paths, weights, checks == "certified", 1 if explicit else system.order - 1)
+    _require_rest(problem, explicit)
+    _require_way(problem)
+    return problem
+
+
+def _require_rest(problem: Problem, explicit: bool) -> None:
+    for s, weights in zip((0.0, 1.0), problem.ends, strict=True):
+        for order in range(1, 2 if explicit else problem.system.order):
+            values = [w * path(s, order) for w, path in zip(weights, problem.outer_paths, strict=True)]
+            derivative = np.sum(values, axis=0)
+            if not np.all(np.abs(derivative) <= 1e-9):
+                raise ValueError(
+                    f"the outer paths must be at rest at both ends (section II-E), got derivative {order} with respect "
+                    f"to s = {derivative} at s = {s:g}; reparametrise them with `optimal.paths.curves.Resting`"
+                )
+
+
+def _require_way(problem: Problem) -> None:
+    """Refuse paths between which a motion would stand still on the way, as where start and goal are one point."""
+    s = np.linspace(0.02, 0.98, 193)
+    speed = np.linalg.norm(motion(problem, central(problem, 4)).path(s, 1), axis=-1)
+    if not np.all(speed > STANDSTILL):
+        raise ValueError(
+            f"the path centrally between the outer paths stands still at s = {s[np.argmin(speed)]:.2f}: needs y' != 0 "
+            "between the ends; move the outer paths, or the weights at the ends"
+        )

@@ -1,0 +1,1 @@
+"""What a trajectory is, and what can be certified of it without its solver."""

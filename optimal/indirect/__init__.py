@@ -1,0 +1,1 @@
+"""The indirect method: Pontryagin's conditions as a boundary-value problem."""

@@ -1,0 +1,192 @@
+"""Corridors: outer paths y_1, ..., y_k between which a flight is planned, section II-D.
+
+A flight y(s) = sum p_i(s) y_i(s) with sum p_i = 1 and p_i >= 0 stays in the convex hull of the outer
+paths at its s, whatever the weights; so geometry is settled before the optimisation begins. The
+paper makes them by hand, `paper_corridor`; `corridor` makes them for any scenario (`optimal.paths.outer_paths`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import ArrayLike
+
+from flatgym.quadrotor import Array
+from flatgym.scenarios.scenario import Scenario
+from optimal.direct.transcription import height_limits
+from optimal.paths.curves import Path, PolynomialPath, require_regular, smoothstep
+from optimal.paths.outer_paths import outer_paths
+
+_PRINTED = ((5.0, 5.0), (2.5, 2.5, 0.5, 0.0))
+"""The one hoop flight the paper prints: displacement; hoop x, z, diameter, angle, from the start."""
+
+
+@dataclass(frozen=True, eq=False)
+class Corridor:
+    """Outer paths, and where between them a flight begins and ends.
+
+    Attributes:
+        paths: the outer paths y_1, ..., y_k, at rest (y' = 0) at both ends.
+        ends: the weights p_1, ..., p_k at s = 0 and at s = 1, which give start and goal, shape (2, k).
+
+    Raises:
+        ValueError: for fewer than two paths, or ends that are no weights of them.
+    """
+
+    paths: tuple[Path, ...]
+    ends: Array
+
+    def __post_init__(self) -> None:
+        ends = np.array(self.ends, dtype=np.float64)
+        if len(self.paths) < 2:
+            raise ValueError(f"a corridor needs at least two outer paths, got {len(self.paths)}")
+        if ends.shape != (2, len(self.paths)):
+            raise ValueError(f"ends must have shape (2, {len(self.paths)}), a weight for each path, got {ends.shape}")
+        if not ((ends >= 0).all() and np.abs(ends.sum(axis=1) - 1).max() <= 1e-9):
+            raise ValueError(f"ends must be weights: at least 0, and 1 in sum at each end, got {ends.tolist()}")
+        object.__setattr__(self, "ends", ends)
+
+    @property
+    def central(self) -> Path:
+        """The path from start to goal whose weights pass smoothly from one end's to the other's, section II-E."""
+        return _Blend(self)
+
+
+@dataclass(frozen=True, eq=False)
+class _Blend:
+    """The path sum p_i(s) y_i(s) of a corridor, p passing from end to end as the smoothstep of section III."""
+
+    corridor: Corridor
+
+    def __call__(self, s: ArrayLike, order: int = 0) -> Array:
+        s = np.asarray(s, dtype=np.float64)
+        (first, last), rise = self.corridor.ends, smoothstep(3)
+        position = np.zeros(())
+        for k in range(order + 1):
+            share = rise.deriv(k)(s)[..., None]
+            weights = (1 - share) * first + share * last if k == 0 else share * (last - first)
+            outer = np.stack([path(s, order - k) for path in self.corridor.paths], axis=-2)
+            position = position + math.comb(order, k) * (weights[..., None] * outer).sum(axis=-2)
+        return position
+
+
+def end_weights(paths: tuple[Path, ...], start: ArrayLike, goal: ArrayLike) -> Array:
+    """Return the weights of the outer paths at s = 0 and 1 that give start and goal, shape (2, k).
+
+    Args:
+        paths: k outer paths.
+        start, goal: points, shape (n,).
+
+    Raises:
+        ValueError: where a point does not lie between the paths.
+    """
+    return np.stack([_weights(paths, 0.0, start), _weights(paths, 1.0, goal)])
+
+
+def _weights(paths: tuple[Path, ...], s: float, point: ArrayLike) -> Array:
+    # Of all weights that give the point the smallest, in least squares: the most central ones.
+    hull = np.stack([np.append(path(s), 1.0) for path in paths], axis=1)
+    target = np.append(np.asarray(point, dtype=np.float64), 1.0)
+    weights = np.linalg.lstsq(hull, target, rcond=None)[0]
+    if np.abs(hull @ weights - target).max() > 1e-9 or weights.min() < -1e-9:
+        raise ValueError(f"the point {tuple(target[:-1].tolist())} does not lie between the outer paths at s = {s:g}")
+    weights = np.where(weights < 1e-12, 0.0, weights)
+    return weights / weights.sum()
+
+
+def corridor(scenario: Scenario, count: int = 2) -> Corridor:
+    """Return outer paths through all hoops of a scenario, within floor and ceiling everywhere.
+
+    Args:
+        scenario: any; a body's radius is taken off the gaps, and it flies through them straight.
+        count: 2 for a rib across the way; 4 for a box along it, which covers more flights, but where
+            progress can be shared between b and the weights in many ways, which solvers find hard.
+
+    Returns:
+        The corridor; its paths are four times continuously differentiable with y' = y'' = 0 at both ends.
+
+    Raises:
+        ValueError: for another count, or where no corridor exists, with the reason.
+
+    Source: section II-D, there by hand.
+    """
+    if count not in (2, 4):
+        raise ValueError(f"count of outer paths must be 2 (a rib) or 4 (a box), got {count}")
+    paths = outer_paths(scenario, count)
+    found = Corridor(paths, end_weights(paths, scenario.start, scenario.goal))
+    _require_central(scenario, found)
+    return found
+
+
+def _require_central(scenario: Scenario, found: Corridor) -> None:
+    try:
+        require_regular(found.central)
+    except ValueError as error:
+        raise ValueError(
+            f"no corridor for {scenario.name!r}: between floor {scenario.floor} and ceiling {scenario.ceiling} there "
+            f"is no room to turn between its hoops ({error})"
+        ) from error
+
+
+def paper_corridor(scenario: Scenario) -> Corridor:
+    """Return the outer paths the paper prints for a scenario, sections III-A and III-B.
+
+    Their heights are, above x = x_T q(s),
+
+        horizontal   -1                          and  +1                            (c = 1)
+        ground        0                          and  +1
+        general      -c                          and  z_T + c
+        hoop         (x_T r(s) - 2.5)^2 + 2.75   and  -(x_T r(s) - 2.5)^2 + 2.25.
+
+    Misprint corrected: the paper prints the lower hoop path with -2.25, which lies 5 m below the
+    hoop; with +2.25 the two paths are 0.5 m apart at x = 2.5 m, which is the hoop. The constant c
+    is 0 m for (5, 5) m, as printed, and otherwise 1 m; floor and ceiling cut the corridor.
+
+    Args:
+        scenario: horizontal, ground or general displacement without hoops, or the paper's hoop.
+
+    Raises:
+        ValueError: for a scenario the paper prints no paths for, saying why.
+    """
+    if reason := _unprinted(scenario):
+        raise ValueError(
+            f"the paper prints no outer paths for {scenario.name!r}: {reason}; take those of "
+            "`optimal.paths.corridors.corridor`"
+        )
+    start, goal = np.array(scenario.start), np.array(scenario.goal)
+    advance, climb = (goal - start).tolist()
+    if scenario.hoops:
+        bow = (5.0 * smoothstep(2) - 2.5) ** 2
+        heights = (bow + 2.75 + start[1], -bow + 2.25 + start[1])
+    else:
+        c = 0.0 if (advance, climb) == _PRINTED[0] else 1.0
+        ends = np.clip(start[1] + np.array([min(climb, 0.0) - c, max(climb, 0.0) + c]), *height_limits(scenario))
+        heights = (Polynomial([ends[0]]), Polynomial([ends[1]]))
+    x = advance * smoothstep(3) + start[0]
+    paths = tuple(PolynomialPath((tuple(x.coef), tuple(z.coef))) for z in heights)
+    return Corridor(paths, end_weights(paths, start, goal))
+
+
+def is_printed(scenario: Scenario) -> bool:
+    """Return whether the paper prints outer paths for a scenario."""
+    return not _unprinted(scenario)
+
+
+def _unprinted(scenario: Scenario) -> str:
+    """Return why the paper prints no outer paths for a scenario, or nothing where it does."""
+    start, goal = scenario.start, scenario.goal
+    displacement = (goal[0] - start[0], goal[1] - start[1])
+    if not scenario.hoops:
+        vertical = "its flight is vertical, and x = x_T q(s) would leave no room to tilt"
+        return vertical if displacement[0] == 0 else ""
+    hoops = tuple((h.x - start[0], h.z - start[1], h.diameter, h.angle) for h in scenario.hoops)
+    narrower = scenario.floor is not None or scenario.ceiling is not None or scenario.quadrotor.radius > 0
+    if (displacement, *hoops) == _PRINTED and not narrower:
+        return ""
+    return (
+        "its only hoop flight is (5, 5) m through one hoop of 0.5 m at (2.5, 2.5) m by a point without floor or "
+        f"ceiling; this one is {displacement} m through {len(hoops)} hoop(s)"
+    )

@@ -1,0 +1,1 @@
+"""The lower bound: a dual dynamic programme over the tilt, with branch and bound."""
