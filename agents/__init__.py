@@ -5,9 +5,9 @@ from flatgym.extras import require
 require("agents", "stable_baselines3", "sb3_contrib", "torch", "minari", "pandas")
 
 from agents import demonstrations, imitation, policies
-from agents.controllers.cascaded_pd import Cascade
-from agents.controllers.mpc import Replanner
-from agents.controllers.tracking import Expert, Tape
+from agents.controllers.cascaded_pd import CascadedPD
+from agents.controllers.mpc import MPC
+from agents.controllers.tracking import Expert, OpenLoop
 from agents.evaluation.bootstrap import summary
 from agents.evaluation.rollouts import Flights, fly
 from agents.evaluation.scores import FasterThanOptimal, evaluate, flight_rows
@@ -17,26 +17,27 @@ from agents.training.configs import CONFIGS, Config, PPOConfig, SACConfig, TD3Co
 from agents.training.models import build
 from agents.training.train import Training, train
 from agents.training.vec_env import FlatQuadVecEnv, make_vec_env
-from flatgym.task.decoding import relative_state
+from flatgym.task.decoding import decode_observation
 
 __all__ = [
     "CONFIGS",
-    "Cascade",
+    "MPC",
+    "CascadedPD",
     "Config",
     "Expert",
     "FasterThanOptimal",
     "FlatQuadVecEnv",
     "Flights",
+    "OpenLoop",
     "PPOConfig",
-    "Replanner",
     "SACConfig",
     "TD3Config",
     "TQCConfig",
-    "Tape",
     "Training",
     "backward_starts",
     "build",
     "config_of",
+    "decode_observation",
     "demonstrations",
     "evaluate",
     "flight_rows",
@@ -46,7 +47,6 @@ __all__ = [
     "make_vec_env",
     "policies",
     "regulated",
-    "relative_state",
     "summary",
     "train",
 ]

@@ -164,8 +164,7 @@ def _scenery(figure: go.Figure, scenario: Scenario, low: Array, high: Array, pan
             )
             figure.add_hline(y=height, line={"color": INK, "width": 1.5}, layer="below", **panel)
     for hoop in scenario.hoops:
-        for side in (-1, 1):
-            edge = hoop.centre + side * hoop.diameter / 2 * hoop.across
+        for side, edge in zip((-1, 1), hoop.rims, strict=True):
             post = np.array([edge, edge + side * 0.45 * hoop.across])
             figure.add_scatter(
                 x=post[:, 0], y=post[:, 1], mode="lines", name="hoop", line={"color": INK, "width": 5},

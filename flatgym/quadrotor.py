@@ -31,7 +31,6 @@ from flatgym.validation import nonnegative
 Array = NDArray[np.float64]
 
 STATE_NAMES = ("x", "z", "vx", "vz", "theta")
-CONTROL_NAMES = ("thrust", "rate")
 
 
 def spherical_bessel(a: Any, ops: Any = np) -> tuple[Any, Any]:
@@ -71,6 +70,12 @@ def exact_step(state: Any, control: Any, h: Any, gravity: Any, ops: Any = np) ->
         vz + dv * j0 * cos - gravity * h,
         theta + rate * h,
     )
+
+
+def nearest_turn(angle: ArrayLike, near: ArrayLike = 0.0) -> Array:
+    """Return angles [rad] plus the whole turns that bring them nearest to `near`; by default into [-pi, pi]."""
+    angle = np.asarray(angle, dtype=np.float64)
+    return angle + 2 * np.pi * np.round((np.asarray(near) - angle) / (2 * np.pi))
 
 
 @dataclass(frozen=True)
@@ -153,3 +158,28 @@ class Quadrotor:
             self.gravity,
         )
         return np.stack(np.broadcast_arrays(*parts), axis=-1)
+
+    def fly(self, start: ArrayLike, controls: ArrayLike, dt: ArrayLike) -> Array:
+        """Return the states between n arcs of constant control, flown one after the other.
+
+        Each arc is flown from zero position and velocity. These enter the equations linearly and gravity is
+        uniform, so the arcs add up exactly, without a loop over time.
+
+        Args:
+            start: the first state, shape (5,).
+            controls: [thrust, rate] of each arc, shape (n, 2); limits are not applied here.
+            dt: duration of each arc [s], a number or shape (n,).
+
+        Returns:
+            The states, shape (n + 1, 5), `start` first.
+        """
+        start, controls = np.asarray(start, dtype=np.float64), np.asarray(controls, dtype=np.float64)
+        dt = np.broadcast_to(np.asarray(dt, dtype=np.float64), len(controls))
+        theta = start[4] + np.append(0.0, np.cumsum(controls[:, 1] * dt))
+        still = np.zeros((len(controls), 5))
+        still[:, 4] = theta[:-1]
+        change = self.step(still, controls, dt)
+        velocity = start[2:4] + np.append(np.zeros((1, 2)), np.cumsum(change[:, 2:4], axis=0), axis=0)
+        displacement = velocity[:-1] * dt[:, None] + change[:, 0:2]
+        position = start[0:2] + np.append(np.zeros((1, 2)), np.cumsum(displacement, axis=0), axis=0)
+        return np.column_stack([position, velocity, theta])

@@ -52,7 +52,7 @@ def solve_many(
             environment variable RAY_ADDRESS names, else one of this machine.
         store: a folder in which finished answers are kept, and looked up before anything is computed; shooting only.
         progress: a bar where standard error is a terminal; or a function told how many are done and how many there are.
-        options: of `optimal.solve`, but for throw; lower bounds are proven only where max_gap is given.
+        options: of `optimal.solve`, but for raise_on_failure; lower bounds are proven only where max_gap is given.
 
     Raises:
         ValueError: for an unknown scenario, or an option that `optimal.solve` does not know.
@@ -116,7 +116,7 @@ def _checked(ask: Callable[..., Any], options: dict[str, Any]) -> dict[str, Any]
         ValueError: for an option that the question does not have.
     """
     parameters = inspect.signature(ask).parameters
-    known = {name: parameters[name].default for name in parameters if name not in ("problem", "throw")}
+    known = {name: parameters[name].default for name in parameters if name not in ("problem", "raise_on_failure")}
     known |= UNPROVEN[ask.__name__]
     unknown = sorted(set(options) - set(known))
     if unknown:
@@ -133,7 +133,7 @@ def _likeness(task: Scenario) -> tuple[int, bool, float]:
 def _attempt(ask: Callable[..., Result], options: dict[str, Any], task: Scenario) -> Result:
     """Ask a question of one scenario; an error becomes an answer."""
     try:
-        return ask(task, throw=False, **options)
+        return ask(task, raise_on_failure=False, **options)
     except Exception as error:
         return broken_off(ask, task, f"{type(error).__name__}: {error}")
 

@@ -11,10 +11,10 @@ from dataclasses import replace
 from flatgym.scenarios.catalogue import ScenarioLike, scenario
 from flatgym.scenarios.scenario import Scenario
 from optimal.direct.clearance import tighten
-from optimal.direct.feasibility import impossible, suspect, too_far
+from optimal.direct.feasibility import beyond_horizon, impossible, suspect
 from optimal.direct.multistart import AGREEMENT, STARTS, Search, search
 from optimal.direct.program import NODES
-from optimal.direct.shooting import WINDINGS, Shot
+from optimal.direct.shooting import WINDINGS, ShootingSolution
 from optimal.flights.certificate import certify
 from optimal.flights.solution import Solution, SolveFailed, Status
 from optimal.indirect.costates import report
@@ -38,7 +38,7 @@ def solve(
     intervals: int | None = None,
     max_gap: float | None = MAX_GAP,
     time_budget: float = TIME_BUDGET,
-    throw: bool = True,
+    raise_on_failure: bool = True,
 ) -> Solution:
     """Return the fastest flight of a scenario from exact rest to exact rest.
 
@@ -55,7 +55,7 @@ def solve(
         intervals: pieces of the flat functions on the first grid, None for `plan`'s; flat only.
         max_gap: how close to the flight a lower bound is to be proven, relatively; None leaves that of thrust alone.
         time_budget: when to stop proving [s], with the bound proven by then.
-        throw: raise SolveFailed rather than return a solution that is not solved.
+        raise_on_failure: raise SolveFailed rather than return a solution that is not solved.
 
     Raises:
         SolveFailed: with the problem and the result, when no certified flight was found.
@@ -76,12 +76,12 @@ def solve(
         solution, shot = _shooting(task, windings, starts, seed, nodes, begun)
     if max_gap is not None and math.isfinite(solution.time):
         solution = bounded(solution, shot, max_gap, time_budget)
-    if throw and solution.status not in FLYABLE:
+    if raise_on_failure and solution.status not in FLYABLE:
         raise SolveFailed(task, solution)
     return solution
 
 
-def bounded(solution: Solution, shot: Shot | None, max_gap: float, time_budget: float) -> Solution:
+def bounded(solution: Solution, shot: ShootingSolution | None, max_gap: float, time_budget: float) -> Solution:
     """Return a solution whose certificate holds a proven lower bound; see `optimal.proof.lower_bound.prove` for the arguments.
 
     Args:
@@ -101,8 +101,8 @@ def bounded(solution: Solution, shot: Shot | None, max_gap: float, time_budget: 
 
 def _shooting(
     task: Scenario, windings: Sequence[int], starts: int, seed: int, nodes: int, begun: float
-) -> tuple[Solution, Shot | None]:
-    reason, distance = impossible(task), too_far(task)
+) -> tuple[Solution, ShootingSolution | None]:
+    reason, distance = impossible(task), beyond_horizon(task)
     found = Search() if reason or distance else search(task, windings=windings, starts=starts, seed=seed, nodes=nodes)
     # Only the fastest counts: a slower flight that is certified would not be the optimum.
     chosen = found.shots[0] if found.shots else None

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flatgym.quadrotor import Array, Quadrotor
-from flatgym.task.decoding import Seen, relative_state
+from flatgym.task.decoding import DecodedObservation, decode_observation
 
 INSIDE = 0.35
 """How far beside its axis a gap counts as lying ahead, as a share of its width."""
@@ -33,7 +33,7 @@ TINY = 1e-9
 
 
 @dataclass(frozen=True)
-class Cascade:
+class CascadedPD:
     """A cascaded PD controller with the `predict` of a Stable-Baselines3 model.
 
     The gains are those found to be fastest on the named scenarios and on a few hundred drawn ones, all reached.
@@ -68,11 +68,11 @@ class Cascade:
         deterministic: bool = True,  # noqa: ARG002
     ) -> tuple[NDArray[np.float32], Any]:
         """Return actions, shape (..., 2), for observations, shape (..., 19); the state is handed back as it came."""
-        seen = relative_state(observation)
+        seen = decode_observation(observation)
         action = self.quadrotor.action(self._control(seen, self._acceleration(seen)))
         return np.clip(action, -1, 1).astype(np.float32), state
 
-    def _acceleration(self, seen: Seen) -> Array:
+    def _acceleration(self, seen: DecodedObservation) -> Array:
         """Return the wanted acceleration [m/s^2], shape (..., 2)."""
         way, speed = self._target(seen)
         distance = np.maximum(_norm(way), TINY)
@@ -80,7 +80,7 @@ class Cascade:
         velocity = way * (np.minimum(near, far) / distance)[..., None]
         return self.damping * (velocity - seen.velocity)
 
-    def _target(self, seen: Seen) -> tuple[Array, Array]:
+    def _target(self, seen: DecodedObservation) -> tuple[Array, Array]:
         """Return the way to what is flown to next [m], shape (..., 2), and the wanted speed there [m/s] (...)."""
         low, high = self.clearance - seen.floor, seen.ceiling - self.clearance
         goal = np.stack([seen.goal[..., 0], np.clip(seen.goal[..., 1], low, np.maximum(low, high))], axis=-1)
@@ -96,7 +96,7 @@ class Cascade:
         there = seen.ahead[..., 0]
         return np.where(there[..., None], way, goal), np.where(there & before, speed, 0.0)
 
-    def _control(self, seen: Seen, acceleration: Array) -> Array:
+    def _control(self, seen: DecodedObservation, acceleration: Array) -> Array:
         """Return [thrust, rate], shape (..., 2): the height comes first, and what thrust is left goes to the side."""
         q = self.quadrotor
         lift = np.clip(acceleration[..., 1] + q.gravity, q.thrust_min, LIFT_LEFT * q.thrust_max)

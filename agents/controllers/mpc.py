@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agents.controllers.tracking import Expert, placed, steps_flown
-from flatgym.quadrotor import Array
+from flatgym.quadrotor import Array, nearest_turn
 from flatgym.scenarios.scenario import Scenario
-from flatgym.task.decoding import Seen, relative_state
-from optimal.discrete.fewest_steps import FewestSteps, Found
-from optimal.discrete.replanning import Underway, replan, rest
+from flatgym.task.decoding import DecodedObservation, decode_observation
+from optimal.discrete.fewest_steps import FewestSteps, StepSolution
+from optimal.discrete.replanning import RemainingTask, replan, rest
 
 LONGER = (0, 2, 4, 8, 16)
 """Strides of `optimal.discrete.replanning` in `continuations`: who lingers near the goal is soon as late as his plan is long."""
@@ -48,17 +48,17 @@ def continuations(
         every: steps between plans.
         since: step of the first of them, at its earliest 1.
     """
-    plan, begun, scenario = Found(flight.actions, flight.states, flight.winding, 0.0), 0, flight.scenario
+    plan, begun, scenario = StepSolution(flight.actions, flight.states, flight.winding, 0.0), 0, flight.scenario
     for step in range(max(1, since), len(states), every):
         passed, left = int(hoops_passed[step]), rest(plan, step - begun, scenario)
-        found = replan(Underway.of(scenario, states[step], passed), left, plan.winding, LONGER)
+        found = replan(RemainingTask.of(scenario, states[step], passed), left, plan.winding, LONGER)
         if found is None:  # astray; further on it would be no nearer, and what fails takes longest
             return
         plan, begun = found, step
         yield Continuation(step, passed, found.states, found.actions)
 
 
-class Replanner:
+class MPC:
     """A flight as a policy for one vehicle that plans anew at every step.
 
     Args:
@@ -73,7 +73,7 @@ class Replanner:
         self._start()
 
     def _start(self) -> None:
-        self.plan, self.begun, self.passed = Found(*_flown(self.flight)), 0, 0
+        self.plan, self.begun, self.passed = StepSolution(*_flown(self.flight)), 0, 0
 
     def predict(
         self,
@@ -87,7 +87,7 @@ class Replanner:
         Raises:
             ValueError: for observations of several vehicles, each of which would need a plan of its own.
         """
-        seen = relative_state(np.reshape(observation, (-1, np.shape(observation)[-1])))
+        seen = decode_observation(np.reshape(observation, (-1, np.shape(observation)[-1])))
         if len(seen.time) != 1:
             raise ValueError(f"a Replanner flies one vehicle, got observations of {len(seen.time)}; make one for each")
         target = self.flight.scenario
@@ -96,11 +96,11 @@ class Replanner:
             self._start()
         here = placed(seen, target)[0]
         flown = self.plan.states[min(step - self.begun, len(self.plan.states) - 1)]
-        here[4] += 2 * np.pi * np.round((flown[4] - here[4]) / (2 * np.pi))
+        here[4] = nearest_turn(here[4], flown[4])
         self.passed = next_hoop(target, seen, self.passed)
         found = None
         if step > 0:
-            underway = Underway.of(target, here, self.passed)
+            underway = RemainingTask.of(target, here, self.passed)
             found = replan(underway, rest(self.plan, step - self.begun, target), self.plan.winding)
         if found is not None:
             self.plan, self.begun = found, step
@@ -109,7 +109,7 @@ class Replanner:
         return np.broadcast_to(action, (*np.shape(observation)[:-1], 2)).copy(), state
 
 
-def next_hoop(scenario: Scenario, seen: Seen, passed: int) -> int:
+def next_hoop(scenario: Scenario, seen: DecodedObservation, passed: int) -> int:
     """Return how many hoops of a scenario are passed, from what is seen next and how many were passed before."""
     for i in range(passed, len(scenario.hoops)):
         hoop = scenario.hoops[i]

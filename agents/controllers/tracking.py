@@ -6,7 +6,7 @@ Feed-forward alone, the actions of the flight as they stand, ends at the goal on
 controls are corrected by the regulator about the flight (`agents.controllers.lqr`): u = u_k - K_k x, with x the deviation
 of the state from where the flight is at step k. Who is late, as by a delay or too heavy a vehicle, is not to catch up
 what cannot be caught up: k is the nearest of the last steps, not the present one. After its last step the expert
-hovers at the goal, with the regulator of that. `Experts` are many, each about a flight of its own.
+hovers at the goal, with the regulator of that. `TrackingControllers` are many, each about a flight of its own.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from agents.controllers.lqr import regulator, terminal_cost
 from flatgym import task
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
-from flatgym.task.decoding import Seen, relative_state
+from flatgym.task.decoding import DecodedObservation, decode_observation
 from flatgym.task.scene import Integers, Scene
 from optimal.discrete.fewest_steps import FewestSteps
 from optimal.flights.solution import Solution
@@ -45,7 +45,7 @@ class Expert:
     """
 
     def __init__(self, flight: FewestSteps | Solution, late: int = LATE) -> None:
-        self.scenario, self._experts = flight.scenario, Experts([flight], range(0, -late, -1))
+        self.scenario, self._experts = flight.scenario, TrackingControllers([flight], range(0, -late, -1))
 
     def predict(
         self,
@@ -55,7 +55,7 @@ class Expert:
         deterministic: bool = True,  # noqa: ARG002
     ) -> tuple[NDArray[np.float32], Any]:
         """Return actions (..., 2) for observations (..., 19) of its own scenario, and the state it was given."""
-        seen = relative_state(observation)
+        seen = decode_observation(observation)
         return self.action(placed(seen, self.scenario), steps_flown(seen, self.scenario)), state
 
     def action(self, state: Array, step: NDArray[np.int64]) -> NDArray[np.float32]:
@@ -65,7 +65,7 @@ class Expert:
         return self._experts.action(first, point, off)
 
 
-class Experts:
+class TrackingControllers:
     """Many flights, each flown by its own regulator.
 
     Args:
@@ -123,7 +123,7 @@ class Experts:
         return np.clip(self.scenario.quadrotor.action(control), -1, 1).astype(np.float32)
 
 
-class Tape:
+class OpenLoop:
     """A flight's actions played as they stand, whatever is seen: what feedback has to beat.
 
     Args:
@@ -141,16 +141,16 @@ class Tape:
         deterministic: bool = True,  # noqa: ARG002
     ) -> tuple[NDArray[np.float32], Any]:
         """Return the actions (..., 2) of the step that observations (..., 19) are of, and the state it was given."""
-        steps = steps_flown(relative_state(observation), self.scenario)
+        steps = steps_flown(decode_observation(observation), self.scenario)
         return self.actions[np.minimum(steps, len(self.actions) - 1)].astype(np.float32), state
 
 
-def placed(seen: Seen, scenario: Scenario) -> Array:
+def placed(seen: DecodedObservation, scenario: Scenario) -> Array:
     """Return the states (..., 5) that a scenario's observations tell of, the tilt in [-pi, pi]."""
     return np.concatenate([np.array(scenario.goal) - seen.goal, seen.velocity, seen.theta[..., None]], axis=-1)
 
 
-def steps_flown(seen: Seen, scenario: Scenario) -> NDArray[np.int64]:
+def steps_flown(seen: DecodedObservation, scenario: Scenario) -> NDArray[np.int64]:
     """Return after how many steps (...) a scenario's observations were made."""
     return np.rint(seen.time * scenario.max_steps).astype(np.int64)
 

@@ -14,21 +14,18 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agents.demonstrations.recording import Demonstration, silent
-from flatgym import task
+from agents.demonstrations.recording import Demonstration, no_progress
 from flatgym.quadrotor import Array
-from flatgym.scenarios.scenario import Scenario
-from flatgym.task.scene import FLYING, GOAL, Scene, Situation
+from flatgym.task.rollout import episode_outcomes, replay_to_goal
 from optimal.batch import broken_off
-from optimal.discrete.fewest_steps import FewestSteps, fewest_steps, judged
-from optimal.discrete.replanning import Underway, replan, rest
+from optimal.discrete.fewest_steps import FewestSteps, fewest_steps
+from optimal.discrete.replanning import RemainingTask, replan, rest
 from optimal.flights.solution import Status
 from optimal.parallel import unordered
 from optimal.store import Store
 
-KICK = np.array([0.2, 0.2, 0.5, 0.5, 0.2])
+PERTURBATION_STD = np.array([0.2, 0.2, 0.5, 0.5, 0.2])
 """Standard deviations by which a state is disturbed [m, m, m/s, m/s, rad]."""
 TRIES = 5
 """How often a flight is knocked off anew where no way to the goal is found."""
@@ -38,7 +35,7 @@ Key: TypeAlias = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Knocked:
+class Perturbed:
     """A flight that was knocked off.
 
     Attributes:
@@ -59,7 +56,7 @@ class Knocked:
         return Store(folder, {"ask": "replan", "state": self.state.tolist(), "passed": self.hoops_passed} | flown)
 
 
-def knock_off(
+def perturb(
     flights: Sequence[Demonstration],
     times: int,
     seed: int,
@@ -67,7 +64,7 @@ def knock_off(
     jobs: int = -1,
     backend: str = "loky",
     store: str | Path | None = None,
-    progress: Callable[[int], Any] = silent,
+    progress: Callable[[int], Any] = no_progress,
 ) -> list[Demonstration]:
     """Return `times` continuations of each flight, in order; fewer where none is found in TRIES.
 
@@ -92,7 +89,7 @@ def knock_off(
     return [found[key] for key in sorted(found)]
 
 
-def knocked(flight: Demonstration, passed: Sequence[int], generator: np.random.Generator) -> Knocked:
+def knocked(flight: Demonstration, passed: Sequence[int], generator: np.random.Generator) -> Perturbed:
     """Return a flight knocked off at a random step, between floor and ceiling.
 
     Args:
@@ -101,49 +98,38 @@ def knocked(flight: Demonstration, passed: Sequence[int], generator: np.random.G
         generator: draws step and disturbance.
     """
     step = int(generator.integers(flight.steps))
-    state = flight.flight.states[step] + KICK * generator.normal(size=5)
-    low = -math.inf if flight.scenario.floor is None else flight.scenario.floor
-    high = math.inf if flight.scenario.ceiling is None else flight.scenario.ceiling
+    state = flight.flight.states[step] + PERTURBATION_STD * generator.normal(size=5)
+    low, high = flight.scenario.heights
     state[1] = np.clip(state[1], low, high)
-    return Knocked(flight, step, state, passed[step])
+    return Perturbed(flight, step, state, passed[step])
 
 
-def continuation(off: Knocked) -> FewestSteps:
+def continuation(off: Perturbed) -> FewestSteps:
     """Return the fewest steps found from where a flight was knocked off; without a flight where none is found.
 
     No bound is known for flights that do not begin at rest, so lower_bound is 0.
     """
     target, before = off.flight.scenario, off.flight.flight
     try:
-        left = Underway.of(target, off.state, off.hoops_passed)
+        left = RemainingTask.of(target, off.state, off.hoops_passed)
         found = replan(left, rest(before, off.step, target), before.winding)
     except Exception as error:
         return broken_off(fewest_steps, target, f"{type(error).__name__}: {error}")
-    if found is None or not flies_to_goal(target, off.state, off.hoops_passed, found.actions):
+    flown = None if found is None else replay_to_goal(target, found.actions, off.state, off.hoops_passed)
+    if found is None or flown is None or len(flown) != len(found.actions) + 1:
         nothing = np.zeros((0, 2), np.float32), np.zeros((0, 5))
         return FewestSteps(target, math.inf, *nothing, 0, math.inf, 0, Status.NO_STEPS_FOUND)
     return FewestSteps(target, len(found.actions), *found, 0, Status.BEST_KNOWN)
 
 
-def flies_to_goal(target: Scenario, state: Array, hoops_passed: int, actions: NDArray[np.float32]) -> bool:
-    """Whether actions (K, 2), from a state (5,) with hoops passed, end in "goal" at the K-th step."""
-    scene, nothing = Scene.of([target]), np.zeros(1, dtype=np.int64)
-    situation = Situation(state[None], nothing, nothing + hoops_passed, nothing)
-    for action in actions:
-        if situation.outcome[0] != FLYING:
-            return False
-        situation = task.advance(scene, situation, target.quadrotor.control(action)[None])
-    return bool(situation.outcome[0] == GOAL)
-
-
 def _hoops_passed(flight: Demonstration) -> list[int]:
     """Return how many hoops a flight from rest has passed after each of its steps, from none on."""
     flown = flight.flight
-    return [0, *judged(flown.scenario, flown.states, flown.actions).hoops_passed.tolist()]
+    return [0, *episode_outcomes(flown.scenario, flown.states, flown.actions).hoops_passed.tolist()]
 
 
 def _continued(
-    tasks: dict[Key, Knocked], jobs: int, backend: str, store: str | Path | None
+    tasks: dict[Key, Perturbed], jobs: int, backend: str, store: str | Path | None
 ) -> Iterator[tuple[Key, FewestSteps]]:
     """Yield the continuations, those in the store first, the others as they come and are kept."""
     left = []
@@ -160,10 +146,10 @@ def _continued(
         yield key, answer
 
 
-def _likeness(off: Knocked) -> tuple[int, int]:
+def _likeness(off: Perturbed) -> tuple[int, int]:
     """Return what continuations of like programs have in common: hoops and steps left."""
     return len(off.flight.scenario.hoops) - off.hoops_passed, off.flight.steps - off.step
 
 
-def _keyed(asked: tuple[Key, Knocked]) -> tuple[Key, FewestSteps]:
+def _keyed(asked: tuple[Key, Perturbed]) -> tuple[Key, FewestSteps]:
     return asked[0], continuation(asked[1])

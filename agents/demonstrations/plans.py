@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from agents.demonstrations.perturbed import knock_off
-from agents.demonstrations.recording import Demonstration, Progress, silent
-from agents.demonstrations.storage import workshop
+from agents.demonstrations.perturbed import perturb
+from agents.demonstrations.recording import Demonstration, Progress, no_progress
+from agents.demonstrations.storage import staging_folder
 from flatgym import __version__
 from flatgym.scenarios.catalogue import Problem, ProblemLike
 from flatgym.scenarios.catalogue import problem as problem_named
@@ -43,7 +43,7 @@ TRIES = 10
 
 def flights_folder() -> Path:
     """Return where to keep flights that are found, beside Minari's datasets; it may be deleted at any time."""
-    return workshop() / f"flights-{__version__}"
+    return staging_folder() / f"flights-{__version__}"
 
 
 def plan(
@@ -57,7 +57,7 @@ def plan(
     jobs: int = -1,
     backend: str = "loky",
     store: str | Path | None = None,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> list[Demonstration]:
     """Return flights in the fewest steps found: `episodes` from rest, then `perturbed` continuations of each.
 
@@ -92,9 +92,7 @@ def plan(
         target, episodes, seed, spread, time_budget, workers, progress=lambda done: progress(done, wanted)
     )
     if perturbed:
-        flights += knock_off(
-            flights, perturbed, seed, **workers, progress=lambda done: progress(episodes + done, wanted)
-        )
+        flights += perturb(flights, perturbed, seed, **workers, progress=lambda done: progress(episodes + done, wanted))
     return flights
 
 
@@ -155,8 +153,7 @@ def _from_rest(
 
 def displaced(target: Scenario, generator: np.random.Generator, spread: float = START_SPREAD) -> Scenario:
     """Return the scenario with its start moved by up to `spread` [m], between floor and ceiling and not at the goal."""
-    low = -np.inf if target.floor is None else target.floor
-    high = np.inf if target.ceiling is None else target.ceiling
+    low, high = target.heights
     while True:
         radius, angle = spread * np.sqrt(generator.random()), generator.uniform(0, 2 * np.pi)
         x, z = target.start[0] + radius * np.cos(angle), target.start[1] + radius * np.sin(angle)

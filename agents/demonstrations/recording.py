@@ -23,7 +23,7 @@ import numpy as np
 from minari.data_collector import EpisodeBuffer
 from minari.dataset.minari_storage import MinariStorage
 
-from agents.demonstrations.storage import dataset_id, replacing
+from agents.demonstrations.storage import atomic_dataset, dataset_id
 from flatgym import __version__, observation_names
 from flatgym.scenarios.catalogue import SCENARIOS, Problem, ProblemLike
 from flatgym.scenarios.catalogue import problem as problem_named
@@ -40,7 +40,7 @@ Progress = Callable[[int, int], Any]
 """Called with how many are done and how many there are."""
 
 
-def silent(*counts: int) -> None:
+def no_progress(*counts: int) -> None:
     """Tell nobody how far the work is."""
 
 
@@ -88,7 +88,7 @@ def record(
     demonstrations: Sequence[Demonstration],
     name: str | None = None,
     *,
-    progress: Progress = silent,
+    progress: Progress = no_progress,
 ) -> minari.MinariDataset:
     """Fly the demonstrations in the environment and store them, in place of an older dataset of that name.
 
@@ -107,7 +107,7 @@ def record(
     if not demonstrations:
         raise ValueError(f"no demonstrations of {target.name!r} to record")
     env = gym.make(ENVIRONMENT, scenario=_plain(target), reward="sparse")
-    with replacing(identity, sum(map(_size, demonstrations))) as folder:
+    with atomic_dataset(identity, sum(map(_size, demonstrations))) as folder:
         storage = MinariStorage.new(folder, env_spec=env.spec)
         for begin in range(0, len(demonstrations), BATCH):
             batch = demonstrations[begin : begin + BATCH]

@@ -47,13 +47,13 @@ def dataset_id(problem: ProblemLike, name: str | None = None) -> str:
     return whole
 
 
-def workshop() -> Path:
+def staging_folder() -> Path:
     """Return our folder beside Minari's datasets, which Minari does not look into."""
     return Path(get_dataset_path()) / ".flatquad"
 
 
 @contextmanager
-def replacing(identity: str, size: int) -> Iterator[Path]:
+def atomic_dataset(identity: str, size: int) -> Iterator[Path]:
     """Give a folder to write a dataset in; it takes the place of the one of that name once all is written.
 
     Args:
@@ -68,7 +68,7 @@ def replacing(identity: str, size: int) -> Iterator[Path]:
     if place.exists() and not (place / "data").exists():
         raise ValueError(f"{identity!r} is a namespace of other datasets; choose another name")
     try:
-        with tempfile.TemporaryDirectory(prefix=RECORDING, dir=_swept(workshop())) as temporary:
+        with tempfile.TemporaryDirectory(prefix=RECORDING, dir=_clean_staging(staging_folder())) as temporary:
             _make_sure_of_room(Path(temporary, "room"), size)
             made = Path(temporary, "made")
             made.mkdir()
@@ -93,7 +93,7 @@ def _make_sure_of_room(path: Path, size: int) -> None:
     path.unlink()
 
 
-def _swept(folder: Path) -> Path:
+def _clean_staging(folder: Path) -> Path:
     """Make the folder, rid of what killed processes left there."""
     folder.mkdir(parents=True, exist_ok=True)
     for left in folder.glob(f"{RECORDING}*"):

@@ -10,7 +10,7 @@ import numpy as np
 from agents.evaluation.rollouts import Flights
 from flatgym.scenarios.reference import EVALUATION_SEED
 
-CHECK_SEED = EVALUATION_SEED - 100_000
+VALIDATION_SEED = EVALUATION_SEED - 100_000
 """Seed of the flights of a check, which are neither those of training nor those that scores are flown on."""
 Point = dict[str, Any]
 

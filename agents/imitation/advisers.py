@@ -18,20 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
-from agents.controllers.cascaded_pd import Cascade
+from agents.controllers.cascaded_pd import CascadedPD
 from agents.controllers.lqr import tolerances
 from agents.controllers.mpc import continuations
-from agents.controllers.tracking import Experts
+from agents.controllers.tracking import TrackingControllers
 from agents.evaluation.rollouts import fly
 from agents.imitation.dataset import Shown, joined, mirrored
-from agents.imitation.dataset_aggregation import Adviser
+from agents.imitation.dataset_aggregation import ExpertOracle
 from agents.policies.policy import Policy
 from flatgym import task
 from flatgym.quadrotor import Array
 from flatgym.scenarios.distributions import Distribution
 from flatgym.scenarios.scenario import Scenario, Tolerance
-from flatgym.task.scene import FLYING, Integers, Scene, Situation
-from optimal.discrete.fewest_steps import FewestSteps, judged
+from flatgym.task.rollout import episode_outcomes
+from flatgym.task.scene import FLYING, EpisodeState, Integers, Scene
+from optimal.discrete.fewest_steps import FewestSteps
 
 SCATTER = tolerances(Tolerance())
 """Standard deviations by which starts are scattered, times `scatter` [m, m, m/s, m/s, rad]: the tolerance's."""
@@ -57,7 +58,7 @@ def regulated(
     rescuer: Policy | None = None,
     beyond: bool = True,
     seed: int = 0,
-) -> Adviser:
+) -> ExpertOracle:
     """Return the advice of the regulators about optimal flights.
 
     Args:
@@ -66,14 +67,14 @@ def regulated(
             `flights`, and flown without noise; the others are about flights drawn from among them.
         scatter: how far the others' starts are scattered, as a factor on SCATTER.
         noise: standard deviation of the noise on the actions of half of them.
-        window: as in `Experts`.
+        window: as in `TrackingControllers`.
         rescuer: who advises those that are lost: after a missed hoop until the last one is passed, and where the
             expert's flight is too far. Without one their flights are given up.
         beyond: whether a learner is advised behind the last hoop too, where the regulator leads him back to the flight
             he knows, and not to the goal soonest; those that are lost there are.
         seed: of choice, scatter and noise.
     """
-    experts = Experts(flights, window)
+    experts = TrackingControllers(flights, window)
     due = experts.hoops_passed()
 
     def advise(learner: PPO | None, number: int) -> Shown:
@@ -84,7 +85,7 @@ def regulated(
         start[1:] += scatter * SCATTER * generator.normal(size=(size - 1, 5))
         start[:, 1] = np.clip(start[:, 1], scene.floor, scene.ceiling)
         none, spread = np.zeros(size, dtype=np.int64), noise * (np.arange(size) % 2)[:, None]
-        situation, point = Situation(start, none, none, none), none - 1
+        situation, point = EpisodeState(start, none, none, none), none - 1
         flying, missed, seen, told, flown = none == 0, none > 0, [], [], 0
         while True:
             point, off, distance = experts.nearest(which, situation.state, point)
@@ -122,7 +123,7 @@ def guided(
     weight: int = 3,
     seed: int = 0,
     jobs: int = -1,
-) -> Adviser:
+) -> ExpertOracle:
     """Return the advice of all who know a part of a drawn scenario, on flights through such; in a mirror too.
 
     The regulators about the optimal flights, these being flown backwards in time as well, and the cascaded controller
@@ -140,7 +141,7 @@ def guided(
         jobs: worker processes.
     """
     own = [replace(flight, scenario=distribution.scenario(i)) for i, flight in enumerate(flights)]
-    rescuer = Cascade(distribution.quadrotor)
+    rescuer = CascadedPD(distribution.quadrotor)
     about = regulated(
         [*own, *map(backwards, own)],
         count=count,
@@ -199,7 +200,7 @@ def seen_along(scenario: Scenario, states: Array, actions: NDArray[Any], step: i
     count = len(actions)
     passed = hoops_along(scenario, states, actions, hoops_passed)[:-1]
     steps = np.minimum(step + np.arange(count), scenario.max_steps - 1)
-    situation = Situation(states[:-1], steps, passed, np.zeros(count, dtype=np.int64))
+    situation = EpisodeState(states[:-1], steps, passed, np.zeros(count, dtype=np.int64))
     return Shown(
         task.observe(Scene.of([scenario] * count), situation), np.asarray(actions, dtype=np.float32), asked=count
     )
@@ -217,4 +218,4 @@ def backwards(flight: FewestSteps) -> FewestSteps:
 
 def hoops_along(scenario: Scenario, states: Array, actions: NDArray[Any], passed: int = 0) -> Integers:
     """Return the hoops passed at states (K+1, 5) along a flight under actions (K, 2), `passed` of them before."""
-    return np.append(passed, judged(scenario, states, actions, passed).hoops_passed)
+    return np.append(passed, episode_outcomes(scenario, states, actions, passed).hoops_passed)

@@ -26,19 +26,19 @@ class CloneConfig(Checked):
     """Units of each hidden layer of the actor."""
     depth: Count = 3
     """Hidden layers."""
-    zoom: Positive = 8.0
+    observation_scale: Positive = 8.0
     """Factor on all observations but the attitude, before the network: bang-bang controls switch within centimetres."""
     guidance: bool = False
     """Whether the network sees what guidance laws steer by as well, and not the time; see `agents.policies.guidance`."""
     learning_rate: Positive = 2e-3
     """Learning rate at the beginning, falling along a cosine."""
-    batch: Count = 512
+    batch_size: Count = 512
     """Size of a minibatch."""
-    updates: Count = 4000
+    gradient_steps: Count = 4000
     """Gradient steps."""
-    check_seed: Natural = 500_000
+    eval_seed: Natural = 500_000
     """Seed of the flights by which policies are ranked; on a distribution neither those trained on nor those scored."""
-    check_episodes: Count = 64
+    n_eval_episodes: Count = 64
     """Their number on a distribution; on a scenario one tells all."""
 
 
@@ -58,10 +58,10 @@ def student(config: CloneConfig) -> PPO:
             width=config.width,
             depth=config.depth,
             value_width=64,
-            zoom=config.zoom,
+            observation_scale=config.observation_scale,
             guidance=config.guidance,
             num_envs=1,
-            batch=64,
+            batch_size=64,
         )
     )
 
@@ -76,7 +76,9 @@ def fit(model: PPO, shown: Shown, config: CloneConfig, share: float = 1.0) -> fl
         share: of the learning rate to begin with; a fifth of it is left at the end.
     """
     optimizer = torch.optim.Adam(actor_parameters(model), lr=config.learning_rate * share)
-    fall = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.updates, config.learning_rate * share / 5)
+    fall = torch.optim.lr_scheduler.CosineAnnealingLR(
+        optimizer, config.gradient_steps, config.learning_rate * share / 5
+    )
     observations, actions = torch.from_numpy(shown.observations), torch.from_numpy(shown.actions)
     recent: list[float] = []
     for rows in batches(len(observations), config):
@@ -86,16 +88,16 @@ def fit(model: PPO, shown: Shown, config: CloneConfig, share: float = 1.0) -> fl
         optimizer.step()
         fall.step()
         recent.append(error.item())
-    return float(np.mean(recent[-max(1, config.updates // 10) :]))
+    return float(np.mean(recent[-max(1, config.gradient_steps // 10) :]))
 
 
 def batches(count: int, config: CloneConfig) -> Iterator[torch.Tensor]:
-    """Yield the rows of `config.updates` minibatches of `count` rows, pass after pass in a new order."""
+    """Yield the rows of `config.gradient_steps` minibatches of `count` rows, pass after pass in a new order."""
     left = torch.zeros(0, dtype=torch.int64)
-    for _ in range(config.updates):
-        while len(left) < min(config.batch, count):
+    for _ in range(config.gradient_steps):
+        while len(left) < min(config.batch_size, count):
             left = torch.cat([left, torch.randperm(count)])
-        rows, left = left[: config.batch], left[config.batch :]
+        rows, left = left[: config.batch_size], left[config.batch_size :]
         yield rows
 
 

@@ -21,7 +21,7 @@ from stable_baselines3 import PPO
 
 from agents.imitation.cloning import CloneConfig, fit
 from agents.imitation.dataset import Shown, joined
-from agents.imitation.selection import Keeper
+from agents.imitation.selection import BestPolicy
 from agents.training.fields import Count, Positive
 
 
@@ -29,19 +29,19 @@ from agents.training.fields import Count, Positive
 class DaggerConfig(CloneConfig):
     """Everything DAgger depends on, besides the adviser."""
 
-    updates: Count = 1000
+    gradient_steps: Count = 1000
     """Gradient steps of each round."""
     rounds: Count = 8
     """Rounds of flying, asking and fitting."""
-    seconds: Positive = 600.0
+    max_seconds: Positive = 600.0
     """Wall time after which no further round begins [s]."""
 
 
-Adviser = Callable[[PPO | None, int], Shown]
+ExpertOracle = Callable[[PPO | None, int], Shown]
 """Flies a learner, or the expert itself where there is none yet, in a round, and returns what the expert would do."""
 
 
-def dagger(model: PPO, adviser: Adviser, config: DaggerConfig, keeper: Keeper) -> PPO:
+def dagger(model: PPO, adviser: ExpertOracle, config: DaggerConfig, keeper: BestPolicy) -> PPO:
     """Let a model fly, be advised, and learn, round by round; return it as it flew best (DAgger).
 
     Args:
@@ -54,7 +54,7 @@ def dagger(model: PPO, adviser: Adviser, config: DaggerConfig, keeper: Keeper) -
     for number in range(1, config.rounds + 1):
         fit(model, joined(shown), config, share=1 - (number - 1) / config.rounds)
         keeper.check(model)
-        if keeper.satisfied or keeper.elapsed > config.seconds or number == config.rounds:
+        if keeper.satisfied or keeper.elapsed > config.max_seconds or number == config.rounds:
             break
         shown.append(adviser(model, number))
         keeper.env_steps += shown[-1].flown

@@ -16,7 +16,7 @@ from flatgym.scenarios import catalogue
 from flatgym.scenarios.scenario import Scenario
 
 
-class Keeper:
+class BestPolicy:
     """Checks a policy now and then, extends its learning curve, and remembers the best.
 
     Args:
@@ -29,7 +29,7 @@ class Keeper:
         self, config: CloneConfig, target: float = 0.0, watch: Callable[[Point], Any] = lambda _: None
     ) -> None:
         self.config, self.target, self.watch, self.began = config, target, watch, time.perf_counter()
-        self.episodes = 1 if isinstance(catalogue.problem(config.scenario), Scenario) else config.check_episodes
+        self.episodes = 1 if isinstance(catalogue.problem(config.scenario), Scenario) else config.n_eval_episodes
         self.curve: list[Point] = []
         self.best: dict[str, torch.Tensor] = {}
         self.env_steps = 0
@@ -46,7 +46,7 @@ class Keeper:
 
     def check(self, model: PPO) -> Point:
         """Fly the policy deterministically, and return the new point of the curve."""
-        flights = fly(model, self.config.scenario, self.episodes, self.config.check_seed)
+        flights = fly(model, self.config.scenario, self.episodes, self.config.eval_seed)
         point = {"env_steps": self.env_steps, "wall_time_s": round(self.elapsed, 1), **outcome_of(flights)}
         if all(rank(point) > rank(other) for other in self.curve):
             self.best = {name: value.clone() for name, value in model.policy.state_dict().items()}

@@ -32,7 +32,7 @@ class PolicyFailed(ValueError):
     """A policy raised an error, or returned what is no action."""
 
 
-def adapted(name: str, trust: bool = False) -> Policy:
+def load_policy(name: str, trust: bool = False) -> Policy:
     """Return a policy by the name of its zip, or as "module:object" or "file.py:object", whose code is run.
 
     Raises:

@@ -14,7 +14,7 @@ from typing import Any
 
 import torch
 
-from agents.policies.networks import Zoom
+from agents.policies.networks import ScaledObservations
 from flatgym.quadrotor import Quadrotor
 from flatgym.task.observation import HOOPS_SEEN, LENGTH_UNIT, OBSERVATION_NAMES, SPEED_UNIT
 
@@ -38,8 +38,8 @@ HOOPS = slice(OBSERVATION_NAMES.index("hoop1_x"), OBSERVATION_NAMES.index("floor
 """Where the hoops stand among them."""
 
 
-class Guidance(Zoom):
-    """What is observed but for the time, as `Zoom` scales it, and what guidance laws steer by."""
+class Guidance(ScaledObservations):
+    """What is observed but for the time, as `ScaledObservations` scales it, and what guidance laws steer by."""
 
     def __init__(self, observation_space: Any, factor: float) -> None:
         super().__init__(observation_space, factor)

@@ -1,6 +1,6 @@
 """The networks of actor and critic: what they see, and how wide and deep they are.
 
-Saved policies name the module of `Zoom`: it cannot move without orphaning them.
+Saved policies name the module of `ScaledObservations`: it cannot move without orphaning them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from flatgym.task.observation import OBSERVATION_NAMES
 
 
-class Zoom(BaseFeaturesExtractor):
+class ScaledObservations(BaseFeaturesExtractor):
     """Multiplies all observations but sine and cosine of the attitude, which are of order one already."""
 
     def __init__(self, observation_space: Any, factor: float) -> None:
@@ -29,7 +29,12 @@ class Zoom(BaseFeaturesExtractor):
 
 
 def network(
-    critic: str, width: int, depth: int, value_width: int, zoom: float, features: type[Zoom] = Zoom
+    critic: str,
+    width: int,
+    depth: int,
+    value_width: int,
+    zoom: float,
+    features: type[ScaledObservations] = ScaledObservations,
 ) -> dict[str, Any]:
     """Return SB3's `policy_kwargs` of an actor and a critic that share nothing but what they see.
 
@@ -38,7 +43,7 @@ def network(
         width: units of each hidden layer of the actor.
         depth: hidden layers of either.
         value_width: units of each hidden layer of the critic; 0 for as many as the actor's.
-        zoom: factor of `Zoom`.
+        zoom: factor of `ScaledObservations`.
         features: what is made of the observations.
     """
     return {

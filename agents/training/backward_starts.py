@@ -82,12 +82,11 @@ def _crosses(hoop: Hoop, here: Array, there: Array) -> NDArray[np.bool_]:
     through = (before < 0) & (after >= 0)
     share = np.where(through, before / np.where(through, before - after, 1.0), 0.0)
     point = here + share[:, None] * (there - here) - hoop.centre
-    return through & (np.abs(point @ hoop.across) < hoop.diameter / 2)
+    return through & (np.abs(point @ hoop.across) < hoop.half_gap())
 
 
 def _outside(scenario: Scenario, state: Array) -> NDArray[np.bool_]:
     low_x, low_z, high_x, high_z = scenario.bounds
-    low_z = low_z if scenario.floor is None else max(low_z, scenario.floor)
-    high_z = high_z if scenario.ceiling is None else min(high_z, scenario.ceiling)
+    low_z, high_z = max(low_z, scenario.heights[0]), min(high_z, scenario.heights[1])
     x, z = state[:, 0], state[:, 1]
     return (x < low_x) | (x > high_x) | (z < low_z) | (z > high_z)

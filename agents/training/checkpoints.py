@@ -19,14 +19,14 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
 
-from agents.evaluation.checks import CHECK_SEED
+from agents.evaluation.checks import VALIDATION_SEED
 from agents.training.configs import Config
 from agents.training.progress import Progress
 from flatgym.files import write_whole
 
 SCHEMA = 1
 """Version of the file; another is refused."""
-FREE = ("seconds", "folder", "tensorboard")
+FREE = ("max_seconds", "folder", "tensorboard")
 """Fields in which a configuration may differ from that of the checkpoint it goes on from."""
 REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 """Arrays of a replay buffer."""
@@ -39,7 +39,7 @@ def checkpoint_file(config: Config) -> Path:
 
 def chapter_seed(config: Config, chapter: int) -> int:
     """Return the seed of a chapter's random numbers and of its first flight, well below those of checks."""
-    return int(np.random.default_rng([config.seed, chapter]).integers(CHECK_SEED // 2))
+    return int(np.random.default_rng([config.seed, chapter]).integers(VALIDATION_SEED // 2))
 
 
 def write(config: Config, model: BaseAlgorithm, progress: Progress) -> None:

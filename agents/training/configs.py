@@ -21,10 +21,12 @@ class Config(Checked):
 
     algorithm: ClassVar[str] = ""
     """Name of the algorithm."""
+    rollout_field: ClassVar[str] = "train_freq"
+    """Field that holds the steps of each vehicle between two updates."""
 
     seed: Seed = 0
     """Seed of starts, network and exploration."""
-    seconds: Positive = 250.0
+    max_seconds: Positive = 250.0
     """Wall time after which training stops [s]; on a machine so slow that this would come first, the schedules
     run over it instead of over `env_steps`."""
     env_steps: Count = 5_000_000
@@ -33,9 +35,7 @@ class Config(Checked):
     """Where model, configuration, learning curve and checkpoint are written."""
     num_envs: Count = 256
     """Vehicles flown at once."""
-    rollout: Count = 64
-    """Steps of each vehicle between two updates."""
-    batch: Count = 4096
+    batch_size: Count = 4096
     """Size of a minibatch."""
     width: Count = 64
     """Units of each hidden layer of the actor."""
@@ -43,43 +43,48 @@ class Config(Checked):
     """Hidden layers of actor and critic."""
     value_width: Natural = 0
     """Units of each hidden layer of the critic; 0 for as many as the actor's."""
-    zoom: Positive = 3.0
+    observation_scale: Positive = 3.0
     """Factor on all observations but the attitude, before the network."""
     guidance: bool = False
     """Whether the network sees what guidance laws steer by as well, and not the time; see `agents.policies.guidance`."""
     learning_rate: Positive = 1e-3
     """Learning rate, of the first update where it changes."""
-    discount: Share = 0.98
+    gamma: Share = 0.98
     """Discount at the beginning."""
-    discount_end: Share = 0.995
+    gamma_end: Share = 0.995
     """Discount after three fifths of the steps."""
     policy: str = ""
     """A policy to start from, its network as it is: a zip, trusted to be your own, or the name of a pretrained one."""
     tolerance: Factor = 3.0
     """Factor on the tolerance at the beginning, falling to 1 by TIGHT of the steps."""
-    drawn: Share = 0.8
+    pool_share: Share = 0.8
     """Share of flights that begin elsewhere than at the start, until the tolerance is the true one; those of a
     distribution begin at the start always."""
-    drawn_end: Share = 0.1
+    pool_share_end: Share = 0.1
     """The same share at the end."""
-    near: Share = 0.125
+    pool_near_share: Share = 0.125
     """Share of these that begin around the goal; the others at states flown backwards from it."""
-    back_time: Positive = 1.0
+    max_back_time: Positive = 1.0
     """Longest time flown backwards [s]."""
-    demonstrated: Share = 0.0
+    pool_expert_share: Share = 0.0
     """Share of these that begin on a flight in K* steps instead: first close to the goal, anywhere on it by TIGHT of
     the steps."""
-    failure: NonNegative = 0.5
+    failure_cost: NonNegative = 0.5
     """What a failed flight costs in training [s]; the environment's own charge, the rest of the time
     limit, frightens a beginner away from the goal."""
-    check_every: Count = 5
+    eval_every: Count = 5
     """Rollouts between two checks of the deterministic policy."""
-    check_episodes: Count = 64
+    n_eval_episodes: Count = 64
     """Flights of a check on a distribution, the same each time; on a scenario one tells all."""
     checkpoint_every: Count = 50
     """Rollouts between two checkpoints; all flights begin anew then, with or without a resume."""
     tensorboard: bool = False
     """Whether to write TensorBoard's files too."""
+
+    @property
+    def rollout_steps(self) -> int:
+        """Steps of each vehicle between two updates: `n_steps` on-policy, `train_freq` off-policy."""
+        return int(getattr(self, self.rollout_field))
 
     def to_json(self) -> str:
         """Return the configuration as a JSON text that `from_json` reads."""
@@ -91,19 +96,22 @@ class PPOConfig(Config):
     """Proximal policy optimisation (Schulman et al. 2017), its learning rate led by the divergence of the updates."""
 
     algorithm: ClassVar[str] = "PPO"
+    rollout_field: ClassVar[str] = "n_steps"
 
     folder: str = "runs/ppo"
-    epochs: Count = 6
+    n_steps: Count = 64
+    """Steps of each vehicle between two updates (a rollout)."""
+    n_epochs: Count = 6
     """Passes over a rollout."""
-    log_std: Real = -0.7
+    log_std_init: Real = -0.7
     """Logarithm of the exploration's standard deviation at the beginning."""
     learning_rate_max: Positive = 2e-2
     """Largest learning rate."""
-    divergence: Positive = 0.03
+    target_kl: Positive = 0.03
     """Wanted Kullback-Leibler divergence of an update at the beginning, falling linearly."""
-    divergence_end: Share = 0.02
+    target_kl_end: Share = 0.02
     """Share of it that is wanted at the end."""
-    gae: Share = 0.95
+    gae_lambda: Share = 0.95
     """Lambda of generalised advantage estimation."""
     value_warmup: Natural = 10
     """First rollouts from which only the critic learns, so as not to spoil the policy one starts from; none without."""
@@ -117,20 +125,21 @@ class OffPolicyConfig(Config):
     easier ones when two thirds of the steps are over.
     """
 
-    seconds: Positive = 900.0
+    max_seconds: Positive = 900.0
     env_steps: Count = 500_000
     num_envs: Count = 64
-    rollout: Count = 1
-    batch: Count = 256
-    check_every: Count = 125
+    train_freq: Count = 1
+    """Steps of each vehicle between two updates (a rollout)."""
+    batch_size: Count = 256
+    eval_every: Count = 125
     checkpoint_every: Count = 1_250
-    updates: Count = 8
+    gradient_steps: Count = 8
     """Gradient steps after a rollout."""
-    memory: Count = 120_000
+    buffer_size: Count = 120_000
     """Steps that the replay buffer holds."""
-    blind_steps: Natural = 10_000
+    learning_starts: Natural = 10_000
     """Environment steps flown at random before learning begins; none where there is a policy to start from."""
-    mixing: Share = 0.005
+    tau: Share = 0.005
     """Share by which the target network follows the critic at each gradient step."""
 
 
@@ -141,7 +150,7 @@ class SACConfig(OffPolicyConfig):
     algorithm: ClassVar[str] = "SAC"
 
     folder: str = "runs/sac"
-    entropy: Positive = 0.01
+    ent_coef: Positive = 0.01
     """Entropy coefficient at the beginning."""
 
 
@@ -152,7 +161,7 @@ class TD3Config(OffPolicyConfig):
     algorithm: ClassVar[str] = "TD3"
 
     folder: str = "runs/td3"
-    noise: NonNegative = 0.2
+    action_noise_std: NonNegative = 0.2
     """Standard deviation of the exploration's noise on the action."""
 
 
@@ -163,7 +172,7 @@ class TQCConfig(SACConfig):
     algorithm: ClassVar[str] = "TQC"
 
     folder: str = "runs/tqc"
-    dropped: Natural = 2
+    top_quantiles_to_drop_per_net: Natural = 2
     """Quantiles cut off from each critic."""
 
 

@@ -28,7 +28,7 @@ CLOSE = 0.2
 """Share of a demonstrated flight, back from the goal, on which training begins at first."""
 
 
-class GentleFailure(VecEnvWrapper):
+class FixedFailureCost(VecEnvWrapper):
     """Charges a fixed price for a failed flight instead of the environment's own."""
 
     def __init__(self, venv: Any, price: float) -> None:
@@ -58,9 +58,13 @@ class Curriculum:
         if not isinstance(self.problem, Scenario):
             return
         self.pool = backward_starts(
-            self.problem, share=config.drawn, near=config.near, back_time=config.back_time, seed=config.seed
+            self.problem,
+            share=config.pool_share,
+            near=config.pool_near_share,
+            back_time=config.max_back_time,
+            seed=config.seed,
         )
-        if config.demonstrated:
+        if config.pool_expert_share:
             self.flight = demonstrated_flight(self.problem)
 
     def tolerance(self, done: float) -> Tolerance:
@@ -70,7 +74,7 @@ class Curriculum:
 
     def share(self, done: float) -> float:
         """Return the share of flights that begin in the pool of starts."""
-        first, last = self.config.drawn, self.config.drawn_end
+        first, last = self.config.pool_share, self.config.pool_share_end
         return first + (last - first) * max(0.0, (done - TIGHT) / (1 - TIGHT))
 
     def starts(self, done: float) -> Starts | None:
@@ -78,7 +82,7 @@ class Curriculum:
         if self.pool is None or self.flight is None:
             return self.pool
         generator = np.random.default_rng(self.config.seed)
-        rows = np.flatnonzero(generator.random(len(self.pool.state)) < self.config.demonstrated)
+        rows = np.flatnonzero(generator.random(len(self.pool.state)) < self.config.pool_expert_share)
         back = CLOSE + (1 - CLOSE) * min(1.0, done / TIGHT)
         last = len(self.flight.state) - 1
         which = last - np.floor(generator.random(len(rows)) * back * (last + 1)).astype(np.int64)

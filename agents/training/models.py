@@ -16,9 +16,9 @@ from stable_baselines3.common.vec_env import VecEnv
 from agents import policies
 from agents.policies import archive
 from agents.policies.guidance import Guidance
-from agents.policies.networks import Zoom, network
+from agents.policies.networks import ScaledObservations, network
 from agents.training.configs import Config, OffPolicyConfig, PPOConfig, SACConfig, TD3Config, TQCConfig
-from agents.training.curriculum import GentleFailure, curriculum
+from agents.training.curriculum import FixedFailureCost, curriculum
 from agents.training.vec_env import make_vec_env
 
 
@@ -37,16 +37,19 @@ def build(config: Config) -> BaseAlgorithm:
     if start is not None:
         arguments = dict(start.policy_kwargs)
     else:
-        critic, seen = "vf" if isinstance(config, PPOConfig) else "qf", Guidance if config.guidance else Zoom
-        arguments = network(critic, config.width, config.depth, config.value_width, config.zoom, seen)
+        critic, seen = (
+            "vf" if isinstance(config, PPOConfig) else "qf",
+            Guidance if config.guidance else ScaledObservations,
+        )
+        arguments = network(critic, config.width, config.depth, config.value_width, config.observation_scale, seen)
     if isinstance(config, PPOConfig):
-        arguments["log_std_init"] = config.log_std
+        arguments["log_std_init"] = config.log_std_init
     model = kind(
         "MlpPolicy",
         environments(config),
         learning_rate=config.learning_rate,
-        batch_size=config.batch,
-        gamma=config.discount,
+        batch_size=config.batch_size,
+        gamma=config.gamma,
         seed=config.seed,
         device="cpu",
         policy_kwargs=arguments,
@@ -55,15 +58,15 @@ def build(config: Config) -> BaseAlgorithm:
     if start is not None:
         model.policy.load_state_dict(start.policy.state_dict())
     if isinstance(model, PPO) and isinstance(config, PPOConfig):
-        torch.nn.init.constant_(model.policy.log_std, config.log_std)
+        torch.nn.init.constant_(model.policy.log_std, config.log_std_init)
     return model
 
 
 def environments(config: Config) -> VecEnv:
     """Return the environments of a training, in which to fail costs little."""
     starts = curriculum(config).starts(0.0)
-    return GentleFailure(
-        make_vec_env(config.scenario, config.num_envs, starts=starts, seed=config.seed), config.failure
+    return FixedFailureCost(
+        make_vec_env(config.scenario, config.num_envs, starts=starts, seed=config.seed), config.failure_cost
     )
 
 
@@ -90,19 +93,19 @@ def starting_policy(config: Config) -> BaseAlgorithm | None:
 def _own_arguments(config: Config) -> dict[str, Any]:
     """Return the arguments that only this algorithm takes."""
     if isinstance(config, PPOConfig):
-        return {"n_steps": config.rollout, "n_epochs": config.epochs, "gae_lambda": config.gae}
+        return {"n_steps": config.n_steps, "n_epochs": config.n_epochs, "gae_lambda": config.gae_lambda}
     assert isinstance(config, OffPolicyConfig)
     arguments: dict[str, Any] = {
-        "buffer_size": config.memory,
-        "learning_starts": 0 if config.policy else config.blind_steps,
-        "tau": config.mixing,
-        "train_freq": (config.rollout, "step"),
-        "gradient_steps": config.updates,
+        "buffer_size": config.buffer_size,
+        "learning_starts": 0 if config.policy else config.learning_starts,
+        "tau": config.tau,
+        "train_freq": (config.train_freq, "step"),
+        "gradient_steps": config.gradient_steps,
     }
     if isinstance(config, TD3Config):
-        arguments["action_noise"] = NormalActionNoise(np.zeros(2), np.full(2, config.noise))
+        arguments["action_noise"] = NormalActionNoise(np.zeros(2), np.full(2, config.action_noise_std))
     if isinstance(config, SACConfig):
-        arguments["ent_coef"] = f"auto_{config.entropy}"
+        arguments["ent_coef"] = f"auto_{config.ent_coef}"
     if isinstance(config, TQCConfig):
-        arguments["top_quantiles_to_drop_per_net"] = config.dropped
+        arguments["top_quantiles_to_drop_per_net"] = config.top_quantiles_to_drop_per_net
     return arguments

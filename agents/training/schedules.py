@@ -18,7 +18,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.utils import ConstantSchedule
 
 from agents import policies
-from agents.evaluation.checks import CHECK_SEED, Point, outcome_of
+from agents.evaluation.checks import VALIDATION_SEED, Point, outcome_of
 from agents.evaluation.rollouts import fly
 from agents.training.configs import Config, PPOConfig
 from agents.training.curriculum import curriculum
@@ -31,7 +31,7 @@ LATE = 0.1
 """Share of its time by which a training may be late before the clock leads its schedules, and chance comes in."""
 
 
-class Schedules(BaseCallback):
+class TrainingCallback(BaseCallback):
     """Runs all schedules, checks the deterministic policy, keeps the best, and stops in time.
 
     Args:
@@ -62,7 +62,7 @@ class Schedules(BaseCallback):
     @property
     def done(self) -> float:
         """Share of the training that is over, in [0, 1]: by its steps, or by the clock where it runs far ahead."""
-        steps, clock = self.model.num_timesteps / self.config.env_steps, self.elapsed / self.config.seconds
+        steps, clock = self.model.num_timesteps / self.config.env_steps, self.elapsed / self.config.max_seconds
         return min(1.0, max(steps, (clock - LATE) / (1 - LATE)))
 
     @property
@@ -70,7 +70,7 @@ class Schedules(BaseCallback):
         """Whether the clock has run out or the target is reached."""
         best = self.progress.best
         reached = best is not None and best["success_rate"] == 1 and best["steps"] <= self.target
-        return reached or self.elapsed >= self.config.seconds
+        return reached or self.elapsed >= self.config.max_seconds
 
     def begin(self, model: BaseAlgorithm) -> None:
         """Start the clock of a session."""
@@ -87,7 +87,7 @@ class Schedules(BaseCallback):
         if self.num_timesteps - self.changed >= PACE:
             self.change()
         self.progress.rollouts += 1
-        if self.progress.rollouts % self.config.check_every == 0:
+        if self.progress.rollouts % self.config.eval_every == 0:
             self.check()
 
     def change(self) -> None:
@@ -96,7 +96,7 @@ class Schedules(BaseCallback):
         environments = self.model.get_env()
         assert environments is not None
         self.curriculum.apply(environments, done)
-        first, last = self.config.discount, self.config.discount_end
+        first, last = self.config.gamma, self.config.gamma_end
         self.discount(first + (last - first) * min(1.0, done / 0.6))
 
     def discount(self, value: float) -> None:
@@ -106,8 +106,8 @@ class Schedules(BaseCallback):
     def check(self) -> None:
         """Fly the true problem deterministically, extend the curve, and write the policy if it is the best so far."""
         problem = self.curriculum.problem
-        episodes = 1 if isinstance(problem, Scenario) else self.config.check_episodes
-        flights = fly(self.model, problem, episodes, CHECK_SEED)
+        episodes = 1 if isinstance(problem, Scenario) else self.config.n_eval_episodes
+        flights = fly(self.model, problem, episodes, VALIDATION_SEED)
         point = {"env_steps": self.model.num_timesteps, "wall_time_s": round(self.elapsed, 1)} | outcome_of(flights)
         best = self.progress.best
         self.progress.curve.append(point)
@@ -118,7 +118,7 @@ class Schedules(BaseCallback):
         self.watch(point)
 
 
-class PPOSchedules(Schedules):
+class PPOCallback(TrainingCallback):
     """Those of PPO besides: the learning rate follows the divergence, and the critic may learn first."""
 
     model: PPO
@@ -148,7 +148,7 @@ class PPOSchedules(Schedules):
     def steer(self) -> None:
         """Slow down when the last update went farther than wanted, and hurry when it did not go far enough."""
         config, progress = self.config, self.progress
-        wanted = config.divergence * max(config.divergence_end, 1 - self.done)
+        wanted = config.target_kl * max(config.target_kl_end, 1 - self.done)
         if progress.divergence > 2 * wanted:
             progress.rate /= 1.5
         elif 0 < progress.divergence < wanted / 2:

@@ -28,7 +28,7 @@ from agents.training import checkpoints
 from agents.training.configs import Config, PPOConfig
 from agents.training.models import build
 from agents.training.progress import Progress, curve_file, model_file, read_curve
-from agents.training.schedules import PPOSchedules, Schedules
+from agents.training.schedules import PPOCallback, TrainingCallback
 from flatgym.extras import require
 from flatgym.files import write_text
 from optimal.discrete.fewest_steps import FewestSteps
@@ -95,7 +95,7 @@ def train(
     write_text(Path(config.folder) / "config.json", config.to_json() + "\n")
     write_text(curve_file(config), "".join(json.dumps(point) + "\n" for point in progress.curve))
     target = optimum.steps if isinstance(optimum, FewestSteps) else optimum
-    kind = PPOSchedules if isinstance(config, PPOConfig) else Schedules
+    kind = PPOCallback if isinstance(config, PPOConfig) else TrainingCallback
     schedules = kind(config, -np.inf if target is None else target, progress, watch)
     _set_logger(config, model)
     try:
@@ -113,10 +113,10 @@ def _set_logger(config: Config, model: BaseAlgorithm) -> None:
     model.set_logger(configure(str(folder), ["csv", "tensorboard"] if config.tensorboard else ["csv"]))
 
 
-def _learn(model: BaseAlgorithm, schedules: Schedules) -> None:
+def _learn(model: BaseAlgorithm, schedules: TrainingCallback) -> None:
     """Train chapter by chapter, a checkpoint after each."""
     config, progress = schedules.config, schedules.progress
-    chapter_steps = config.checkpoint_every * config.rollout * config.num_envs
+    chapter_steps = config.checkpoint_every * config.rollout_steps * config.num_envs
     schedules.begin(model)
     if config.policy and not progress.curve:
         schedules.check()

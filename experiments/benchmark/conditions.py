@@ -10,7 +10,7 @@ from agents.evaluation.rollouts import fly
 from agents.evaluation.scores import flight_rows
 from agents.policies.policy import Policy
 from experiments.files import Row
-from experiments.recipes.lesson import Lesson
+from experiments.recipes.lesson import RunSpec
 from flatgym.scenarios.disturbances import Disturbances
 from flatgym.scenarios.reference import EVALUATION_SEED
 
@@ -26,7 +26,7 @@ CONDITIONS = {
 """What stands against the vehicle: nothing, one disturbance, or wind and mass at half strength with the delay."""
 
 
-def flown(policy: Policy, lesson: Lesson, agent: str) -> Row:
+def flown(policy: Policy, lesson: RunSpec, agent: str) -> Row:
     """Let a policy fly under all conditions.
 
     Returns:
@@ -50,7 +50,7 @@ def flown(policy: Policy, lesson: Lesson, agent: str) -> Row:
     return {"flights": found, "actions": [[float(str(value)) for value in row] for row in actions]}  # as short as exact
 
 
-def flights_of(lesson: Lesson, agent: str, calm: bool) -> int:
+def flights_of(lesson: RunSpec, agent: str, calm: bool) -> int:
     """Return how many flights an agent flies: one tells all of a deterministic policy on an undisturbed scenario."""
     sizes = lesson.sizes
     if calm and not lesson.drawn:

@@ -23,7 +23,7 @@ from flatgym import SCENARIOS
 
 
 @dataclass(frozen=True)
-class Line:
+class LeaderboardRow:
     """An agent's undisturbed flights of a problem; NaN where there is nothing to say.
 
     Attributes:
@@ -62,7 +62,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Standing:
+class ConditionScore:
     """An agent's flights of a problem under one condition; fields as those of a Line."""
 
     problem: str
@@ -90,11 +90,11 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Board:
+class Leaderboard:
     """All there is to say of the agents."""
 
-    lines: tuple[Line, ...]
-    standings: tuple[Standing, ...]
+    lines: tuple[LeaderboardRow, ...]
+    standings: tuple[ConditionScore, ...]
     curves: tuple[Curve, ...]
 
     @property
@@ -103,13 +103,13 @@ class Board:
         return tuple(dict.fromkeys(line.problem for line in self.lines))
 
 
-def board(results: Row) -> Board:
+def board(results: Row) -> Leaderboard:
     """Return the numbers of a benchmark's results, in the format of learners.json."""
     sound = results | {"cells": [cell for cell in results["cells"] if cell["flights"]]}
     found = scored(sound) if sound["cells"] else {}
     known = [(cell["problem"], cell["agent"]) for cell in results["cells"]]
     order = sorted(dict.fromkeys([*pairs(found), *known]), key=lambda pair: (*rank(pair[0]), place(pair[1])))
-    return Board(
+    return Leaderboard(
         tuple(line(results, sound, found, *pair) for pair in order),
         tuple(standings(sound, found, order)),
         tuple(curves(sound, order)),
@@ -121,15 +121,15 @@ def rank(problem: str) -> tuple[int, str]:
     return (list(SCENARIOS).index(problem) if problem in SCENARIOS else len(SCENARIOS), problem)
 
 
-def line(results: Row, sound: Row, found: Scores, problem: str, agent: str) -> Line:
+def line(results: Row, sound: Row, found: Scores, problem: str, agent: str) -> LeaderboardRow:
     """Return the line of an agent: what its sound runs flew, and the errors of the others."""
     cells = runs_of(sound, problem, agent)
     errors = tuple(f"seed {cell['seed']}: {error(cell)}" for cell in runs_of(results, problem, agent) if error(cell))
     row = found.get((problem, agent, CALM))
     if row is None:
-        return Line(problem, agent, called(agent), errors=errors)
+        return LeaderboardRow(problem, agent, called(agent), errors=errors)
     flown = max(len(cell["flights"][CALM]["steps"]) for cell in cells if CALM in cell["flights"])
-    return Line(
+    return LeaderboardRow(
         problem,
         agent,
         called(agent),
@@ -162,13 +162,13 @@ def error(cell: Row) -> str:
     return " ".join(str(words).split())
 
 
-def standings(sound: Row, found: Scores, order: Sequence[tuple[str, str]]) -> Iterator[Standing]:
+def standings(sound: Row, found: Scores, order: Sequence[tuple[str, str]]) -> Iterator[ConditionScore]:
     """Yield how each agent stands under each condition in which it flew."""
     for problem, agent in order:
         for condition in sound["conditions"]:
             row = found.get((problem, agent, condition))
             if row is not None:
-                yield Standing(problem, agent, called(agent), condition, **rates(row))
+                yield ConditionScore(problem, agent, called(agent), condition, **rates(row))
 
 
 def curves(sound: Row, order: Sequence[tuple[str, str]]) -> Iterator[Curve]:

@@ -23,15 +23,15 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from agents import policies
 from agents.evaluation.scores import FasterThanOptimal
 from agents.evaluation.versions import versions
-from agents.policies.adapters import adapted
+from agents.policies.adapters import load_policy
 from experiments.benchmark.conditions import flown
 from experiments.benchmark.results import joined, write
-from experiments.benchmark.sandbox import Failed, guarded
+from experiments.benchmark.sandbox import Failed, run_isolated
 from experiments.benchmark.suite import ALL, FIRST, SEEDS, Cell, Suite
 from experiments.files import SCHEMA, Row, plain, write_json
 from experiments.provenance import now
-from experiments.recipes.lesson import Lesson, Made, Sizes
-from experiments.recipes.plans import prologue
+from experiments.recipes.lesson import Budget, RunSpec, TrainedAgent
+from experiments.recipes.plans import preparation
 from experiments.recipes.registry import EXPERTS, LEARNERS, prepare
 from flatgym import SCENARIOS
 from flatgym.files import write_text
@@ -74,9 +74,9 @@ def run(
     for problem in problems:
         bar.update(planning, note=problem)
         asked = {cell.agent for cell in left if cell.problem == problem}
-        k_check[problem] = prepare(Lesson(problem, 0, folder, suite.sizes), asked)
-        if suite.prologue and problem in SCENARIOS:
-            prologues[problem] = prologue(problem, folder)
+        k_check[problem] = prepare(RunSpec(problem, 0, folder, suite.sizes), asked)
+        if suite.preparation and problem in SCENARIOS:
+            prologues[problem] = preparation(problem, folder)
         bar.advance(planning)
     work, failures = bar.add_task("cells", total=len(left), note=""), 0
     for wave in ([c for c in left if c.agent != FIRST[1]], [c for c in left if c.agent == FIRST[1]]):
@@ -106,7 +106,7 @@ def _fly(task: tuple[Suite, Cell, Path, Path]) -> Cell:
         return cell
     try:
         arguments = asdict(cell), str(folder), asdict(suite.sizes), suite.policies[cell.agent]
-        guarded("experiments.benchmark.run:foreign", *arguments, seconds=suite.timeout, home=home)
+        run_isolated("experiments.benchmark.run:foreign", *arguments, seconds=suite.timeout, home=home)
     except Failed as error:
         failed(cell, folder, str(error))
     return cell
@@ -114,14 +114,18 @@ def _fly(task: tuple[Suite, Cell, Path, Path]) -> Cell:
 
 def foreign(cell: Row, folder: str, sizes: Row, policy: str) -> None:
     """Make a cell of a policy that is not ours; all arguments as JSON holds them."""
-    make(Cell(**cell), Path(folder), Sizes(**sizes), policy)
+    make(Cell(**cell), Path(folder), Budget(**sizes), policy)
 
 
-def make(cell: Cell, folder: Path, sizes: Sizes, policy: str = "") -> None:
+def make(cell: Cell, folder: Path, sizes: Budget, policy: str = "") -> None:
     """Make an agent, or load a policy that is not ours, let it fly, and write its cell; or why it could not."""
-    lesson = Lesson(cell.problem, cell.seed, folder, sizes)
+    lesson = RunSpec(cell.problem, cell.seed, folder, sizes)
     try:
-        made = Made(adapted(policy, trust=True), policy) if policy else (LEARNERS | EXPERTS)[cell.agent](lesson)
+        made = (
+            TrainedAgent(load_policy(policy, trust=True), policy)
+            if policy
+            else (LEARNERS | EXPERTS)[cell.agent](lesson)
+        )
         if isinstance(made.policy, BaseAlgorithm) and cell.agent in LEARNERS:
             policies.save(made.policy, lesson.file(cell.agent, ".zip"), cell.problem)
         words = told(cell, made) | flown(made.policy, lesson, cell.agent)
@@ -143,7 +147,7 @@ def failed(cell: Cell, folder: Path, error: str) -> Row:
     return words
 
 
-def told(cell: Cell, made: Made) -> Row:
+def told(cell: Cell, made: TrainedAgent) -> Row:
     """Return what is to be known of an agent besides its flights."""
     return {
         "schema": SCHEMA,

@@ -30,7 +30,7 @@ class Failed(ValueError):
     """What ran in a process of its own failed, hung or crashed."""
 
 
-def guarded(function: str, *arguments: Any, seconds: float, home: Path | None = None) -> Any:
+def run_isolated(function: str, *arguments: Any, seconds: float, home: Path | None = None) -> Any:
     """Return what a function returns that is run in a new process.
 
     Args:

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from experiments.benchmark import run, suite
-from experiments.recipes.lesson import TINY
+from experiments.recipes.lesson import SMOKE
 from experiments.terminal import RESULTS, progress_bar
 
 SUITE = suite.SUITES["study"]
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     out = given.out or RESULTS / f"learners{'-quick' if given.quick else ''}.json"
     asked = replace(SUITE, seeds=given.seeds)
     if given.quick:
-        asked = replace(asked, name=suite.TRIAL, sizes=TINY)
+        asked = replace(asked, name=suite.TRIAL, sizes=SMOKE)
     try:
         asked.cells(given.only)
     except ValueError as error:

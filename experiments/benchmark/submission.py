@@ -12,13 +12,13 @@ from typing import Any
 
 import optimal
 from agents import policies
-from agents.controllers.cascaded_pd import Cascade
+from agents.controllers.cascaded_pd import CascadedPD
 from agents.controllers.tracking import Expert
 from agents.evaluation.scores import evaluate
 from agents.policies import archive
-from agents.policies.adapters import adapted
+from agents.policies.adapters import load_policy
 from agents.policies.policy import Policy
-from experiments.benchmark.sandbox import guarded
+from experiments.benchmark.sandbox import run_isolated
 from experiments.benchmark.suite import ALL
 from experiments.files import plain
 from flatgym.scenarios import catalogue
@@ -29,7 +29,7 @@ AGENTS = ("expert", "pd")
 
 
 @dataclass(frozen=True)
-class Contest:
+class Submission:
     """Who is scored, and on what.
 
     Attributes:
@@ -90,15 +90,15 @@ class Contest:
     def pilot(self, store: Path | None) -> Policy:
         """Return who flies; flights that have to be planned for it are kept in the store."""
         if self.policy:
-            return adapted(self.policy, self.trust)
+            return load_policy(self.policy, self.trust)
         if self.pretrained:
             return policies.pretrained(self.pretrained)
         if self.agent == "pd":
-            return Cascade(catalogue.problem(self.problem).quadrotor)
+            return CascadedPD(catalogue.problem(self.problem).quadrotor)
         return Expert(optimal.fewest_steps_many([self.problem], jobs=1, store=store)[0])
 
 
-def score(contest: Contest, store: Path | None, timeout: float) -> dict[str, Any]:
+def score(contest: Submission, store: Path | None, timeout: float) -> dict[str, Any]:
     """Return the row of a score, as `agents.evaluate.evaluate` has it.
 
     Args:
@@ -115,13 +115,13 @@ def score(contest: Contest, store: Path | None, timeout: float) -> dict[str, Any
     if contest.policy.endswith(".zip"):
         archive.admit(contest.policy, contest.trust)
     arguments = asdict(contest), str(store) if store else None
-    row: dict[str, Any] = guarded("experiments.benchmark.submission:scored", *arguments, seconds=timeout)
+    row: dict[str, Any] = run_isolated("experiments.benchmark.submission:scored", *arguments, seconds=timeout)
     return row
 
 
 def scored(fields: dict[str, Any], folder: str | None) -> dict[str, Any]:
     """Return the row of a score of a contest, given by its fields as JSON holds them."""
-    contest = Contest(**fields | {"disturbances": Disturbances(**fields["disturbances"])})
+    contest = Submission(**fields | {"disturbances": Disturbances(**fields["disturbances"])})
     store = None if folder is None else Path(folder)
     pilot = contest.pilot(store)
     rows = evaluate(

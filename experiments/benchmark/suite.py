@@ -8,7 +8,7 @@ from pathlib import Path
 
 from agents import policies
 from experiments.files import Row, read_json
-from experiments.recipes.lesson import FULL, Sizes
+from experiments.recipes.lesson import FULL, Budget
 from experiments.recipes.registry import EXPERTS, LEARNERS, ONLY_SCENARIOS
 from flatgym import DISTRIBUTIONS, SCENARIOS
 
@@ -32,15 +32,15 @@ class Suite:
         seeds: trainings of each learner.
         sizes: how much of everything.
         prologue: whether scenarios are solved, and demonstrations of them recorded, before anything is learnt.
-        policies: further agents, each a name and what `agents.adapted` is to load; they fly every problem.
+        policies: further agents, each a name and what `agents.load_policy` is to load; they fly every problem.
         timeout: how long the flights of one of these may take [s].
     """
 
     name: str
     agents: Mapping[str, Sequence[str]]
     seeds: int = SEEDS
-    sizes: Sizes = FULL
-    prologue: bool = False
+    sizes: Budget = FULL
+    preparation: bool = False
     policies: Mapping[str, str] = field(default_factory=dict)
     timeout: float = TIMEOUT
 
@@ -107,10 +107,10 @@ SUITES = {
                 "random-goal": ("pretrained", "pd"),
             },
             seeds=1,
-            sizes=replace(FULL, seconds=250.0, ppo_steps=5_000_000),
-            prologue=True,
+            sizes=replace(FULL, max_seconds=250.0, ppo_steps=5_000_000),
+            preparation=True,
         ),
-        Suite("full", everybody([*SCENARIOS, *DISTRIBUTIONS]), prologue=True),
+        Suite("full", everybody([*SCENARIOS, *DISTRIBUTIONS]), preparation=True),
         Suite("study", {name: tuple(a for a in who if a != "pretrained")
                         for name, who in everybody(["hoop", "random-goal"]).items()}),
     )

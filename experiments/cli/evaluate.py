@@ -17,7 +17,7 @@ from flatgym.scenarios import catalogue
 from flatgym.scenarios.reference import EVALUATION_SEED
 
 if TYPE_CHECKING:
-    from experiments.benchmark.submission import Contest
+    from experiments.benchmark.submission import Submission
 
 CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "flatquad"
 """Where K* that had to be computed are kept, for the next time."""
@@ -58,7 +58,7 @@ def evaluate(
     """
     from experiments.benchmark import submission
 
-    asked = submission.Contest(
+    asked = submission.Submission(
         policy, pretrained, agent, scenario, trust, episodes, seed,
         flatgym.Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise),
     )  # fmt: skip
@@ -88,7 +88,7 @@ BESIDE = ("pretrained", "expert", "tape", "pd")
 """Who flies beside a policy on its page."""
 
 
-def write_page(contest: Contest, path: Path, *, command: str, timeout: float, bar: Progress) -> Path:
+def write_page(contest: Submission, path: Path, *, command: str, timeout: float, bar: Progress) -> Path:
     """Write the report of a policy beside our agents on what it flies, undisturbed and disturbed.
 
     Args:

@@ -42,7 +42,7 @@ def train(
     from agents.training.configs import config_of
     from agents.training.train import train
 
-    wanted = {"seconds": seconds, "env_steps": env_steps}
+    wanted = {"max_seconds": seconds, "env_steps": env_steps}
     config = config_of(
         algorithm,
         scenario=scenario,
@@ -56,7 +56,7 @@ def train(
         work = bar.add_task(f"{config.algorithm} on {scenario}", total=100, note="")
 
         def watch(point: dict[str, Any]) -> None:
-            share = max(point["env_steps"] / config.env_steps, point["wall_time_s"] / config.seconds)
+            share = max(point["env_steps"] / config.env_steps, point["wall_time_s"] / config.max_seconds)
             note = f"success {point['success_rate']:.0%}, {point['steps']:.4g} steps"
             bar.update(work, completed=min(100, round(100 * share)), note=note)
 

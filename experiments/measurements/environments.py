@@ -31,7 +31,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 import agents
 from experiments.files import Row
 from experiments.measurements import sections
-from experiments.measurements.interleaved import Player, batch, by_turns, ratio, single
+from experiments.measurements.interleaved import Candidate, batch, interleaved, ratio, single
 from experiments.measurements.sections import Advance, Section, fresh_process, median
 from flatgym import SCENARIOS
 
@@ -63,7 +63,7 @@ def batched(quick: bool, advance: Advance) -> list[Row]:
     players = [batch(PEER, peer_envs, id=PEER)]
     players += [batch(name, envs, id=OURS, scenario=name) for name in names]
     players += [batch(SCENARIO, n, id=OURS, scenario=SCENARIO) for n in (LADDER[:2] if quick else LADDER)]
-    peer, hoop, *others = by_turns(players, rounds, seconds, advance)
+    peer, hoop, *others = interleaved(players, rounds, seconds, advance)
     rows = [peer, judged(hoop, "ratio", 1.5)]
     for row in others:
         told = row | {"ratio_to_hoop": ratio(row, hoop)}
@@ -77,10 +77,10 @@ def without_numba(rounds: int, seconds: float, envs: int, peer_envs: int) -> lis
 import json, sys
 sys.modules["numba"] = None  # so that importing it fails
 import flatgym
-from experiments.measurements.interleaved import batch, by_turns
+from experiments.measurements.interleaved import batch, interleaved
 peer = batch({PEER!r}, {peer_envs}, id={PEER!r})
 ours = batch({SCENARIO!r}, {envs}, id={OURS!r}, scenario={SCENARIO!r})
-print(json.dumps(by_turns([peer, ours], {rounds}, {seconds})))
+print(json.dumps(interleaved([peer, ours], {rounds}, {seconds})))
 """
     return [row | {"numba": False} for row in json.loads(output(code))]
 
@@ -89,7 +89,7 @@ def scalar(quick: bool, advance: Advance) -> list[Row]:
     """How many steps a second does `gym.make` give, in its default wrappers, resets included?"""
     rounds, seconds = (2, 0.01) if quick else (ROUNDS, SECONDS)
     players = [single(PEER, id=PEER), single(SCENARIO, id=OURS, scenario=SCENARIO)]
-    peer, ours = by_turns(players, rounds, seconds, advance)
+    peer, ours = interleaved(players, rounds, seconds, advance)
     return [peer, judged(ours, "ratio", 0.6)]
 
 
@@ -152,11 +152,11 @@ def sb3(quick: bool, advance: Advance) -> list[Row]:
     torch.set_num_threads(1)
     dummy = DummyVecEnv([partial(gym.make, PEER)] * n)
     players = [adapted(f"DummyVecEnv of {PEER}", dummy), adapted(SCENARIO, agents.make_vec_env(SCENARIO, n))]
-    peer, ours = by_turns(players, rounds, seconds, advance)
+    peer, ours = interleaved(players, rounds, seconds, advance)
     return [peer, judged(ours, "ratio", 20.0)]
 
 
-def adapted(what: str, envs: VecEnv, pool_size: int = 4) -> Player:
+def adapted(what: str, envs: VecEnv, pool_size: int = 4) -> Candidate:
     """Return a Stable-Baselines3 environment with random actions; it resets itself."""
     envs.action_space.seed(0)
     pool = [np.stack([envs.action_space.sample() for _ in range(envs.num_envs)]) for _ in range(pool_size)]
@@ -167,7 +167,7 @@ def adapted(what: str, envs: VecEnv, pool_size: int = 4) -> Player:
             envs.step(actions)
         return pool_size * envs.num_envs
 
-    return Player(what, envs.num_envs, play)
+    return Candidate(what, envs.num_envs, play)
 
 
 def ppo(quick: bool, advance: Advance) -> list[Row]:
@@ -185,13 +185,13 @@ def ppo(quick: bool, advance: Advance) -> list[Row]:
         def tell(done: int, of: int, before: int = i * rounds) -> None:
             advance(before + done, len(MINIBATCHES) * of)
 
-        first, second = by_turns([peer, ours], rounds, 0.0, tell)
+        first, second = interleaved([peer, ours], rounds, 0.0, tell)
         told = [first, judged(second, "ratio", 1.5) if i == 0 else second]
         rows += [row | {"rollout": rollout, "minibatch": minibatch} for row in told]
     return rows
 
 
-def learner(what: str, envs: VecEnv, rollout: int, minibatch: int) -> Player:
+def learner(what: str, envs: VecEnv, rollout: int, minibatch: int) -> Candidate:
     """Return a PPO with SB3's defaults but for rollout and minibatch, which learns from two rollouts a turn."""
     n_steps = rollout // envs.num_envs
     model = PPO("MlpPolicy", envs, n_steps=n_steps, batch_size=minibatch, seed=0, device="cpu")
@@ -200,7 +200,7 @@ def learner(what: str, envs: VecEnv, rollout: int, minibatch: int) -> Player:
         model.learn(2 * rollout, reset_num_timesteps=False)
         return 2 * rollout
 
-    return Player(what, envs.num_envs, play)
+    return Candidate(what, envs.num_envs, play)
 
 
 def memory(quick: bool, advance: Advance) -> list[Row]:
@@ -227,7 +227,7 @@ def steady(scenario: str, envs: int, mode: str, marks: Sequence[int]) -> list[Ro
     return measured(batch(scenario, envs, id=OURS, scenario=scenario, autoreset_mode=mode), marks)
 
 
-def measured(player: Player, marks: Iterable[int]) -> list[Row]:
+def measured(player: Candidate, marks: Iterable[int]) -> list[Row]:
     """Play on and return the resident memory before the first step and after each mark's number of steps."""
     checkpoints, done = [{"env_steps": 0, "resident_mb": resident()}], 0
     for mark in marks:

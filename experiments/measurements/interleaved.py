@@ -22,7 +22,7 @@ POOL = 32
 
 
 @dataclass(frozen=True)
-class Player:
+class Candidate:
     """Who is timed.
 
     Attributes:
@@ -36,7 +36,7 @@ class Player:
     play: Callable[[], int]
 
 
-def batch(what: str, num_envs: int, **arguments: Any) -> Player:
+def batch(what: str, num_envs: int, **arguments: Any) -> Candidate:
     """Return a batched environment as Gymnasium makes it, with random actions; `arguments` as in `gym.make_vec`."""
     envs = gym.make_vec(num_envs=num_envs, vectorization_mode="vector_entry_point", **arguments)
     envs.action_space.seed(0)
@@ -48,10 +48,10 @@ def batch(what: str, num_envs: int, **arguments: Any) -> Player:
             envs.step(actions)
         return POOL * num_envs
 
-    return Player(what, num_envs, play)
+    return Candidate(what, num_envs, play)
 
 
-def single(what: str, **arguments: Any) -> Player:
+def single(what: str, **arguments: Any) -> Candidate:
     """Return one environment in Gymnasium's own wrappers, with random actions and a reset after every end."""
     env: gym.Env[Any, Any] = gym.make(**arguments)
     env.action_space.seed(0)
@@ -65,7 +65,7 @@ def single(what: str, **arguments: Any) -> Player:
                 env.reset()
         return len(pool)
 
-    return Player(what, 1, play)
+    return Candidate(what, 1, play)
 
 
 def rate(play: Callable[[], int], seconds: float) -> tuple[float, float]:
@@ -77,8 +77,8 @@ def rate(play: Callable[[], int], seconds: float) -> tuple[float, float]:
     return steps / taken, (time.process_time() - worked) / taken
 
 
-def by_turns(
-    players: Sequence[Player], rounds: int, seconds: float, advance: Callable[[int, int], None] = lambda *_: None
+def interleaved(
+    players: Sequence[Candidate], rounds: int, seconds: float, advance: Callable[[int, int], None] = lambda *_: None
 ) -> list[dict[str, Any]]:
     """Time players by turns.
 
@@ -103,7 +103,7 @@ def by_turns(
     return [each | {"ratio": ratio(each, rows[0])} for each in rows]
 
 
-def row(player: Player, turns: Sequence[tuple[float, float]]) -> dict[str, Any]:
+def row(player: Candidate, turns: Sequence[tuple[float, float]]) -> dict[str, Any]:
     """Return what a player's turns gave, each a rate and the cores it took."""
     rates, cores = zip(*turns, strict=True)
     return {

@@ -131,7 +131,7 @@ def validity(quick: bool, advance: Advance) -> list[Row]:
 def held_against_flights(limits: str, goal: Scenario) -> Row:
     """Return a bound, asked to come within 0.02 %, beside the fastest certified flight of the goal."""
     proof = prove(goal, max_gap=CLOSE, time_budget=2.0)
-    times = [optimal.solve(goal, nodes=nodes, max_gap=None, throw=False).time for nodes in (100, 400)]
+    times = [optimal.solve(goal, nodes=nodes, max_gap=None, raise_on_failure=False).time for nodes in (100, 400)]
     flown = min(times)
     return {
         "limits": limits,
@@ -257,7 +257,7 @@ def _elsewhere(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scen
 def _narrower(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
     hoop = scenario.hoops[0]
     aside = float(certify(flight, scenario).hoop_clearance)
-    return flight, replace(scenario, hoops=(replace(hoop, diameter=hoop.diameter - 2 * (aside + 1e-6)),))
+    return flight, scenario.with_diameters([hoop.diameter - 2 * (aside + 1e-6)])
 
 
 BREAKS: dict[str, Callable[[Trajectory, Scenario], tuple[Trajectory, Scenario]]] = {

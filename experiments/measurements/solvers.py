@@ -32,7 +32,7 @@ from experiments.measurements.sections import (
 from flatgym import SCENARIOS, Scenario
 from optimal.direct.multistart import AGREEMENT
 from optimal.direct.program import NODES
-from optimal.direct.shooting import shoot
+from optimal.direct.shooting import solve_winding
 
 GOALS, STARTS = 100, 10
 """Random goals, and random starts for each."""
@@ -47,9 +47,9 @@ def references(quick: bool, advance: Advance) -> list[Row]:
     rows = []
     for i, name in enumerate(names):
         optimal.solve(
-            name, max_gap=None, throw=False
+            name, max_gap=None, raise_on_failure=False
         )  # builds the programs, so that the time told is that of a warm solve
-        row = optimal.solve(name, throw=False).row()
+        row = optimal.solve(name, raise_on_failure=False).row()
         known = REFERENCE_TIMES.get(name)
         rows.append(row | {"reference_s": known, "deviation": row["time_s"] / known - 1 if known else None})
         advance(i + 1, len(names))
@@ -71,9 +71,9 @@ def starts(quick: bool, advance: Advance) -> list[Row]:
 
 def starts_of(scenario: Scenario, count: int, seed: int) -> Row:
     """Solve a scenario by the front door, then its best winding from `count` random starts; all drawn, none plain."""
-    solution = optimal.solve(scenario, max_gap=None, throw=False)
+    solution = optimal.solve(scenario, max_gap=None, raise_on_failure=False)
     generator = np.random.default_rng((1, seed))
-    shots = [shoot(scenario, solution.winding, generator=generator) for _ in range(count)]
+    shots = [solve_winding(scenario, solution.winding, generator=generator) for _ in range(count)]
     times = [shot.trajectory.duration for shot in shots if shot.converged]
     best = min([solution.time, *times])
     return {
@@ -94,8 +94,8 @@ def orders(quick: bool, advance: Advance) -> list[Row]:
     cases, nodes, finest = (ORDER_CASES[:1], (25, 50), 200) if quick else (ORDER_CASES, ORDER_NODES, FINEST)
     rows: list[Row] = []
     for i, (name, winding) in enumerate(cases):
-        limit = shoot(SCENARIOS[name], winding, nodes=finest).trajectory.duration
-        times = np.array([shoot(SCENARIOS[name], winding, nodes=n).trajectory.duration for n in nodes])
+        limit = solve_winding(SCENARIOS[name], winding, nodes=finest).trajectory.duration
+        times = np.array([solve_winding(SCENARIOS[name], winding, nodes=n).trajectory.duration for n in nodes])
         order = convergence_order(nodes, times - limit)
         rows += [
             {"scenario": name, "winding": winding, "nodes": n, "time_s": t, "error_s": t - limit, "order": order}
@@ -112,7 +112,7 @@ def speed(quick: bool, advance: Advance) -> list[Row]:
     peer = rockit_solver(scenario, nodes)
 
     def ours() -> tuple[float, int]:
-        shot = shoot(scenario, nodes=nodes)
+        shot = solve_winding(scenario, nodes=nodes)
         return shot.trajectory.duration, shot.iterations
 
     rows: list[Row] = []

@@ -29,9 +29,9 @@ def compare(name: str) -> dict[str, Any]:
     None stands where there is nothing to be said: not printed, or not within a road's reach.
     """
     # A bound holds for every road, so that it is proven once.
-    nodes = optimal.solve(name, method="flat", checks="nodes", max_gap=None, throw=False)
-    flat = optimal.solve(name, method="flat", max_gap=None, throw=False)
-    shooting = optimal.solve(name, max_gap=MAX_GAP, time_budget=TIME_BUDGET, throw=False)
+    nodes = optimal.solve(name, method="flat", checks="nodes", max_gap=None, raise_on_failure=False)
+    flat = optimal.solve(name, method="flat", max_gap=None, raise_on_failure=False)
+    shooting = optimal.solve(name, max_gap=MAX_GAP, time_budget=TIME_BUDGET, raise_on_failure=False)
     return {
         "scenario": name,
         "printed_s": seconds(PRINTED[name]),

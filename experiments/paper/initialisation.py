@@ -14,7 +14,7 @@ import pandas as pd
 import optimal
 from flatgym import SCENARIOS, Scenario
 from optimal.direct.program import NODES
-from optimal.direct.shooting import shoot
+from optimal.direct.shooting import solve_winding
 from optimal.flat.planning import plan
 from optimal.flat.refinement import INTERVALS
 from optimal.flights.trajectory import Flight
@@ -22,7 +22,17 @@ from optimal.indirect.arcs import arcs_of
 from optimal.indirect.pontryagin import refine
 from optimal.paths.corridors import paper_corridor
 
-EASE_COLUMNS = ("scenario", "road", "best_s", "iterations", "cold_s", "warm_s", "starts", "converged", "succeeded")
+INITIALISATION_COLUMNS = (
+    "scenario",
+    "road",
+    "best_s",
+    "iterations",
+    "cold_s",
+    "warm_s",
+    "starts",
+    "converged",
+    "succeeded",
+)
 
 INTERVAL_COUNTS = (20, 30, 40, 50, 60)
 """Grids of the flat roads' plain starts."""
@@ -50,7 +60,7 @@ def flat(scenario: Scenario, intervals: int, checks: str) -> Run:
 
 def shooting(scenario: Scenario, nodes: int) -> Run:
     """Solve the shooting problem without a turn, from the straight line."""
-    found = shoot(scenario, nodes=nodes)
+    found = solve_winding(scenario, nodes=nodes)
     return Run(found.converged, found.iterations, found.trajectory if found.converged else None)
 
 
@@ -59,7 +69,7 @@ def pontryagin(scenario: Scenario, nodes: int) -> Run:
 
     Its iterations are the evaluations of the conditions, after the direct solution's.
     """
-    direct = shoot(scenario, nodes=nodes)
+    direct = solve_winding(scenario, nodes=nodes)
     if not direct.converged:
         return Run(False, direct.iterations, None)
     found = refine(scenario, 0, *arcs_of(direct))
@@ -75,7 +85,7 @@ ROADS: dict[str, tuple[Callable[[Scenario, int], Run], int, tuple[int, ...]]] = 
 """The roads by name: one solve from a plain start, the grid on which it is timed, the grids of the starts."""
 
 
-def ease(name: str, road: str) -> dict[str, Any]:
+def initialisation_study(name: str, road: str) -> dict[str, Any]:
     """Return how easily a road is travelled in one case, keyed by EASE_COLUMNS.
 
     A start has `succeeded` if its flight is certified in continuous time, and within SUCCESS of the
@@ -118,9 +128,9 @@ def timed(solve: Callable[[], Run]) -> tuple[float, Run]:
     return time.perf_counter() - begun, run
 
 
-def by_road(ease: pd.DataFrame) -> pd.DataFrame:
+def by_road(initialisation_study: pd.DataFrame) -> pd.DataFrame:
     """Return the ease table with one row a road: cases, medians over them, and sums of starts."""
-    grouped = ease.groupby("road", sort=False)
+    grouped = initialisation_study.groupby("road", sort=False)
     medians, sums = ["iterations", "cold_s", "warm_s"], ["starts", "converged", "succeeded"]
     return pd.concat(
         [grouped.size().rename("cases"), grouped[medians].median(), grouped[sums].sum()], axis=1

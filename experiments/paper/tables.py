@@ -6,7 +6,7 @@ at which time each road arrives. The printed numbers are facts of the paper; all
 `judge` asks which printed times are impossible: below a proven lower bound of the flight time, under the
 paper's own limits, even if the last printed digit was rounded down.
 
-`ease` looks into the paper's argument that its problem "can be initialized easily" (section II-E): for
+`initialisation_study` looks into the paper's argument that its problem "can be initialized easily" (section II-E): for
 each road, with a plain start and no search, how many iterations and seconds it takes, and how often it
 arrives. Seconds are told cold, with the program yet to be built, and warm; so every question of `tables`
 is answered in a process of its own.
@@ -22,7 +22,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.paper.comparison import COLUMNS, compare
-from experiments.paper.initialisation import EASE_COLUMNS, ROADS, ease
+from experiments.paper.initialisation import INITIALISATION_COLUMNS, ROADS, initialisation_study
 from experiments.paper.printed import PRINTED, in_free_space
 from experiments.paper.verdicts import JUDGED_COLUMNS, judge, verdicts
 
@@ -32,7 +32,7 @@ PROCESSES = 2
 TABLES: dict[str, tuple[Callable[..., dict[str, Any]], tuple[str, ...]]] = {
     "rows": (compare, COLUMNS),
     "judged": (judge, JUDGED_COLUMNS),
-    "ease": (ease, EASE_COLUMNS),
+    "ease": (initialisation_study, INITIALISATION_COLUMNS),
 }
 """The tables by their names in results files: what answers for one row, and the columns."""
 

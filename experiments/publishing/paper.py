@@ -15,7 +15,7 @@ from experiments.publishing.markdown import markdown
 
 def paper(results: dict[str, Any]) -> str:
     """Return what became of the paper's times: beside what can be flown, judged, and how easily each was found."""
-    parts = {"rows": compared, "judged": judged, "ease": eased}
+    parts = {"rows": compared, "judged": judged, "ease": initialisation_table}
     return "\n\n".join(written(results[name]) for name, written in parts.items() if name in results)
 
 
@@ -55,7 +55,7 @@ def judged(rows: list[dict[str, Any]]) -> str:
     return "\n\n".join([fill(words, 118, break_on_hyphens=False), verdict, picture])
 
 
-def eased(rows: list[dict[str, Any]]) -> str:
+def initialisation_table(rows: list[dict[str, Any]]) -> str:
     """Return the roads' iterations and seconds, medians over the cases, and how many starts arrive."""
     table = [
         [

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents import policies
-from agents.controllers.cascaded_pd import Cascade
-from agents.controllers.mpc import Replanner
-from agents.controllers.tracking import Expert, Tape
+from agents.controllers.cascaded_pd import CascadedPD
+from agents.controllers.mpc import MPC
+from agents.controllers.tracking import Expert, OpenLoop
 from agents.policies import archive
 from agents.policies.policy import Policy
-from experiments.recipes.lesson import Lesson, Made
+from experiments.recipes.lesson import RunSpec, TrainedAgent
 from experiments.recipes.margins import narrower, teacher
 from experiments.recipes.plans import plans
 from flatgym.scenarios.reference import EVALUATION_SEED
@@ -24,11 +24,11 @@ from flatgym.scenarios.scenario import Scenario
 from optimal.discrete.fewest_steps import FewestSteps, fewest_steps
 
 
-class Each:
+class PolicyPerVehicle:
     """Many policies as one: vehicle i is flown by policy i."""
 
-    def __init__(self, pilots: Sequence[Policy]) -> None:
-        self.pilots = pilots
+    def __init__(self, expert_policies: Sequence[Policy]) -> None:
+        self.expert_policies = expert_policies
 
     def predict(
         self,
@@ -38,52 +38,54 @@ class Each:
         deterministic: bool = True,  # noqa: ARG002
     ) -> tuple[NDArray[np.float32], Any]:
         """Return an action, shape (n, 2), for each vehicle's observation, shape (n, 19); n at most the pilots'."""
-        pairs = zip(self.pilots, np.asarray(observation), strict=False)
+        pairs = zip(self.expert_policies, np.asarray(observation), strict=False)
         return np.stack([pilot.predict(seen)[0] for pilot, seen in pairs]), state
 
 
-def pilots(lesson: Lesson, kind: Callable[[FewestSteps], Policy]) -> tuple[Policy, float]:
+def expert_policies(lesson: RunSpec, kind: Callable[[FewestSteps], Policy]) -> tuple[Policy, float]:
     """Return a policy of a kind for each flight of a score, and the time the planning took [s]."""
     if isinstance(lesson.target, Scenario):
         begun = time.perf_counter()
         return kind(teacher(lesson.target)), time.perf_counter() - begun
     flights, taken = plans(lesson, EVALUATION_SEED, lesson.sizes.disturbed)
-    return Each([kind(flight) for flight in flights]), taken
+    return PolicyPerVehicle([kind(flight) for flight in flights]), taken
 
 
-def expert(lesson: Lesson) -> Made:
+def expert(lesson: RunSpec) -> TrainedAgent:
     """The regulator about an optimal flight."""
-    policy, taken = pilots(lesson, Expert)
-    return Made(policy, "LQR about a K* flight", planning_s=taken)
+    policy, taken = expert_policies(lesson, Expert)
+    return TrainedAgent(policy, "LQR about a K* flight", planning_s=taken)
 
 
-def tape(lesson: Lesson) -> Made:
+def tape(lesson: RunSpec) -> TrainedAgent:
     """The same flight replayed open loop."""
-    policy, taken = pilots(lesson, Tape)
-    return Made(policy, "open-loop replay", planning_s=taken)
+    policy, taken = expert_policies(lesson, OpenLoop)
+    return TrainedAgent(policy, "open-loop replay", planning_s=taken)
 
 
-def grazing(lesson: Lesson) -> Made:
+def grazing(lesson: RunSpec) -> TrainedAgent:
     """The regulator about a flight that passes the rim with nothing to spare."""
     flight = fewest_steps(lesson.problem, time_budget=0.0)
-    return Made(Expert(flight), "LQR about a K* flight at the rim")
+    return TrainedAgent(Expert(flight), "LQR about a K* flight at the rim")
 
 
-def replanner(lesson: Lesson) -> Made:
+def replanner(lesson: RunSpec) -> TrainedAgent:
     """The expert that plans anew at every step, through the narrower hoop."""
     assert isinstance(lesson.target, Scenario)
     flight = fewest_steps(narrower(lesson.target), time_budget=0.0)
-    return Made(Each([Replanner(flight) for _ in range(lesson.sizes.replanned)]), "replanning at every step")
+    return TrainedAgent(
+        PolicyPerVehicle([MPC(flight) for _ in range(lesson.sizes.replanned)]), "replanning at every step"
+    )
 
 
-def cascade(lesson: Lesson) -> Made:
+def cascade(lesson: RunSpec) -> TrainedAgent:
     """The cascaded PD controller."""
-    return Made(Cascade(lesson.target.quadrotor), "cascaded PD")
+    return TrainedAgent(CascadedPD(lesson.target.quadrotor), "cascaded PD")
 
 
-def pretrained(lesson: Lesson) -> Made:
+def pretrained(lesson: RunSpec) -> TrainedAgent:
     """The policy that came with the package; its card says what it cost."""
     card = json.loads((archive.PRETRAINED / f"{lesson.problem}.json").read_text(encoding="utf-8"))
     score = card["score"]
     spent = score["env_steps"] or 0, 0, score["wall_time_s"]
-    return Made(policies.pretrained(lesson.problem), score["algorithm"], (), (), *spent)
+    return TrainedAgent(policies.pretrained(lesson.problem), score["algorithm"], (), (), *spent)

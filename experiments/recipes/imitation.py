@@ -8,22 +8,22 @@ from typing import Any
 import torch
 from stable_baselines3 import PPO
 
-from agents.evaluation.checks import CHECK_SEED, Point
+from agents.evaluation.checks import VALIDATION_SEED, Point
 from agents.imitation.advisers import guided, regulated
 from agents.imitation.cloning import CloneConfig, fit, student
 from agents.imitation.dataset import Shown
-from agents.imitation.dataset_aggregation import Adviser, DaggerConfig, dagger
-from agents.imitation.selection import Keeper
-from experiments.recipes.lesson import Lesson, Made, best_known
+from agents.imitation.dataset_aggregation import DaggerConfig, ExpertOracle, dagger
+from agents.imitation.selection import BestPolicy
+from experiments.recipes.lesson import RunSpec, TrainedAgent, best_known
 from experiments.recipes.margins import teacher
 from experiments.recipes.plans import plans
 from flatgym.scenarios.scenario import Scenario
 
 
-class Counted:
+class CountingOracle:
     """An adviser that counts: the steps learners flew, and those for which it gave advice."""
 
-    def __init__(self, adviser: Adviser) -> None:
+    def __init__(self, adviser: ExpertOracle) -> None:
         self.adviser = adviser
         self.env_steps = self.expert_steps = 0
 
@@ -39,7 +39,7 @@ class Counted:
         point.update(env_steps=self.env_steps, expert_steps=self.expert_steps)
 
 
-def school(lesson: Lesson, flights: int) -> tuple[Counted, float]:
+def oracle_for(lesson: RunSpec, flights: int) -> tuple[CountingOracle, float]:
     """Return who advises, and the time the demonstrations' planning took [s].
 
     Args:
@@ -50,39 +50,39 @@ def school(lesson: Lesson, flights: int) -> tuple[Counted, float]:
     if isinstance(target, Scenario):
         begun = time.perf_counter()
         adviser = regulated([teacher(target)], count=flights, seed=lesson.seed)
-        return Counted(adviser), time.perf_counter() - begun
+        return CountingOracle(adviser), time.perf_counter() - begun
     known, taken = plans(lesson, 0, sizes.planned)
     adviser = guided(known, target, count=sizes.followed, planned=sizes.corrected, seed=lesson.seed, jobs=1)
-    return Counted(adviser), taken
+    return CountingOracle(adviser), taken
 
 
-def fitting(lesson: Lesson, updates: int) -> dict[str, Any]:
+def shared_config(lesson: RunSpec, updates: int) -> dict[str, Any]:
     """Return what cloning and DAgger have in common: on a distribution the network is larger, and sees more."""
-    larger = {"width": 160, "zoom": 6.0, "guidance": True, "batch": 1024} if lesson.drawn else {}
-    shared = {"scenario": lesson.problem, "seed": lesson.seed, "updates": updates}
-    return shared | {"check_seed": CHECK_SEED, "check_episodes": lesson.sizes.check_episodes} | larger
+    larger = {"width": 160, "observation_scale": 6.0, "guidance": True, "batch_size": 1024} if lesson.drawn else {}
+    shared = {"scenario": lesson.problem, "seed": lesson.seed, "gradient_steps": updates}
+    return shared | {"eval_seed": VALIDATION_SEED, "n_eval_episodes": lesson.sizes.n_eval_episodes} | larger
 
 
-def clone(lesson: Lesson) -> Made:
+def clone(lesson: RunSpec) -> TrainedAgent:
     """Behaviour cloning of an expert's flights."""
     torch.set_num_threads(1)
-    config = CloneConfig(**fitting(lesson, lesson.sizes.updates[lesson.drawn]))
-    adviser, planning = school(lesson, lesson.sizes.shown)
-    keeper = Keeper(config, watch=adviser.note)
+    config = CloneConfig(**shared_config(lesson, lesson.sizes.gradient_steps[lesson.drawn]))
+    adviser, planning = oracle_for(lesson, lesson.sizes.shown)
+    keeper = BestPolicy(config, watch=adviser.note)
     model = student(config)
     fit(model, adviser(None, 0), config)
     keeper.check(model)
-    return Made(model, "BC", [config], keeper.curve, 0, adviser.expert_steps, keeper.elapsed, planning)
+    return TrainedAgent(model, "BC", [config], keeper.curve, 0, adviser.expert_steps, keeper.elapsed, planning)
 
 
-def advised(lesson: Lesson) -> Made:
+def advised(lesson: RunSpec) -> TrainedAgent:
     """DAgger under the regulator, or under the expert that plans anew."""
     torch.set_num_threads(1)
     sizes, drawn = lesson.sizes, lesson.drawn
-    shared = fitting(lesson, sizes.round_updates[drawn])
-    config = DaggerConfig(rounds=sizes.rounds[drawn], seconds=sizes.dagger_s, **shared)
-    adviser, planning = school(lesson, sizes.shown // 2)
-    keeper = Keeper(config, target=best_known(lesson), watch=adviser.note)
+    shared = shared_config(lesson, sizes.round_updates[drawn])
+    config = DaggerConfig(rounds=sizes.rounds[drawn], max_seconds=sizes.dagger_s, **shared)
+    adviser, planning = oracle_for(lesson, sizes.shown // 2)
+    keeper = BestPolicy(config, target=best_known(lesson), watch=adviser.note)
     model = dagger(student(config), adviser, config, keeper)
     spent = adviser.env_steps, adviser.expert_steps, keeper.elapsed
-    return Made(model, "DAgger", [config], keeper.curve, *spent, planning)
+    return TrainedAgent(model, "DAgger", [config], keeper.curve, *spent, planning)

@@ -16,7 +16,7 @@ from flatgym.scenarios.scenario import Scenario
 
 
 @dataclass(frozen=True)
-class Sizes:
+class Budget:
     """How much of everything.
 
     Attributes:
@@ -37,41 +37,41 @@ class Sizes:
         replanned: flights of the expert that plans anew at every step, which takes seconds each.
     """
 
-    seconds: float = 100.0
+    max_seconds: float = 100.0
     tuning_s: float = 50.0
     ppo_steps: int = 2_500_000
     sac_steps: int = 50_000
     tuning_steps: int = 800_000
     shown: int = 64
     planned: int = 1_500
-    updates: tuple[int, int] = (4_000, 6_000)
+    gradient_steps: tuple[int, int] = (4_000, 6_000)
     rounds: tuple[int, int] = (12, 5)
     round_updates: tuple[int, int] = (1_000, 2_500)
     followed: int = 800
     corrected: int = 40
     dagger_s: float = 250.0
-    check_episodes: int = 64
+    n_eval_episodes: int = 64
     goals: int = 1_000
     disturbed: int = 200
     replanned: int = 10
 
 
-FULL = Sizes()
-TINY = Sizes(
-    seconds=4.0,
+FULL = Budget()
+SMOKE = Budget(
+    max_seconds=4.0,
     tuning_s=4.0,
     ppo_steps=33_000,
     sac_steps=2_000,
     tuning_steps=33_000,
     shown=4,
     planned=6,
-    updates=(50, 50),
+    gradient_steps=(50, 50),
     rounds=(2, 2),
     round_updates=(50, 50),
     followed=4,
     corrected=2,
     dagger_s=4.0,
-    check_episodes=2,
+    n_eval_episodes=2,
     goals=4,
     disturbed=3,
     replanned=1,
@@ -80,7 +80,7 @@ TINY = Sizes(
 
 
 @dataclass(frozen=True)
-class Lesson:
+class RunSpec:
     """What is to be flown, and by whom it is to be learnt.
 
     Attributes:
@@ -93,7 +93,7 @@ class Lesson:
     problem: str
     seed: int
     folder: Path
-    sizes: Sizes = FULL
+    sizes: Budget = FULL
 
     @property
     def target(self) -> Scenario | Distribution:
@@ -111,7 +111,7 @@ class Lesson:
 
 
 @dataclass(frozen=True)
-class Made:
+class TrainedAgent:
     """An agent and what it cost.
 
     Attributes:
@@ -135,7 +135,7 @@ class Made:
     planning_s: float = 0.0
 
 
-def best_known(lesson: Lesson) -> int:
+def best_known(lesson: RunSpec) -> int:
     """Return K* of a scenario, where training may stop; 0 of a distribution, where it may not."""
     known = reference(lesson.problem)
     return 0 if known is None else known.k_star

@@ -18,15 +18,13 @@ INNER = 0.5
 
 def narrowed(scenario: Scenario, by: float) -> Scenario:
     """Return a scenario whose hoops are narrower by so much [m]."""
-    return replace(scenario, hoops=tuple(replace(hoop, diameter=hoop.diameter - by) for hoop in scenario.hoops))
+    return scenario.with_diameters(hoop.diameter - by for hoop in scenario.hoops)
 
 
 def inner(scenario: Scenario, share: float) -> Scenario:
     """Return a scenario whose hoops are a share of their width, between which its vehicle has to fit."""
     least = 2 * scenario.quadrotor.radius
-    widths = (least + share * (hoop.diameter - least) for hoop in scenario.hoops)
-    hoops = (replace(hoop, diameter=width) for hoop, width in zip(scenario.hoops, widths, strict=True))
-    return replace(scenario, hoops=tuple(hoops))
+    return scenario.with_diameters(least + share * (hoop.diameter - least) for hoop in scenario.hoops)
 
 
 def narrower(scenario: Scenario) -> Scenario:

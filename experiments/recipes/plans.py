@@ -9,7 +9,7 @@ from pathlib import Path
 import optimal
 from agents import demonstrations
 from experiments.files import SCHEMA, Row, read_json, write_json
-from experiments.recipes.lesson import Lesson
+from experiments.recipes.lesson import RunSpec
 from experiments.recipes.margins import INNER, inner
 from flatgym.scenarios.distributions import Distribution
 from optimal.batch import fewest_steps_many
@@ -19,7 +19,7 @@ DEMONSTRATIONS = 6
 """Flights of a scenario that a suite records as a dataset."""
 
 
-def prologue(problem: str, folder: Path) -> Row:
+def preparation(problem: str, folder: Path) -> Row:
     """Solve a scenario, record demonstrations of it, and return what came of both; once, then from a file."""
     path = folder / f"{problem}.prologue.json"
     if (words := read_json(path)) is None:
@@ -36,7 +36,7 @@ BATCH = 250
 """Flights planned at once; what a killed run has planned of a batch is kept, but its time is not."""
 
 
-def plans(lesson: Lesson, first: int, count: int, share: float = INNER) -> tuple[list[FewestSteps], float]:
+def plans(lesson: RunSpec, first: int, count: int, share: float = INNER) -> tuple[list[FewestSteps], float]:
     """Return optimal flights of `count` drawn scenarios from seed `first` on, and the time their planning took [s].
 
     They are planned once, on all cores, through that share of their hoops; a file beside them says how long it took.

@@ -29,7 +29,7 @@ from agents.evaluation.scores import evaluate
 from agents.imitation.advisers import guided, regulated
 from agents.imitation.cloning import student
 from agents.imitation.dataset_aggregation import DaggerConfig, dagger
-from agents.imitation.selection import Keeper
+from agents.imitation.selection import BestPolicy
 from agents.policies import archive
 from experiments.files import plain, write_json
 from experiments.provenance import provenance
@@ -38,14 +38,21 @@ from experiments.terminal import progress_bar
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from optimal.batch import fewest_steps_many
 
-SPECIAL = DaggerConfig(updates=1500, rounds=24, seconds=300.0)
+SPECIAL = DaggerConfig(gradient_steps=1500, rounds=24, max_seconds=300.0)
 """What a policy for one scenario is trained with at first."""
-PRECISE = DaggerConfig(updates=2000, rounds=60, learning_rate=1e-3, seconds=800.0)
+PRECISE = DaggerConfig(gradient_steps=2000, rounds=60, learning_rate=1e-3, max_seconds=800.0)
 """What it is trained with then, where it is not at K* yet; seconds count from the beginning of the first."""
 STAGES = ((SPECIAL, 0.05), (PRECISE, 0.02))
 """Both, and how far starts and actions are scattered, as `agents.imitation.advisers.regulated` has it."""
 WIDE = DaggerConfig(
-    width=256, zoom=6.0, guidance=True, batch=1024, updates=3500, rounds=16, seconds=3600.0, check_episodes=300
+    width=256,
+    observation_scale=6.0,
+    guidance=True,
+    batch_size=1024,
+    gradient_steps=3500,
+    rounds=16,
+    max_seconds=3600.0,
+    n_eval_episodes=300,
 )
 GENERAL = {"random-goal": replace(WIDE, width=160, rounds=8), "random-hoops": WIDE}
 """What policies for distributions are trained with."""
@@ -63,7 +70,7 @@ def specialist(name: str, seed: int, out: Path, command: str) -> dict[str, Any]:
     began, target = time.perf_counter(), SCENARIOS[name]
     stages = [(replace(stage, scenario=name, seed=seed), scatter) for stage, scatter in STAGES]
     flight = teacher(target)
-    keeper = Keeper(stages[0][0], target=flight.steps)
+    keeper = BestPolicy(stages[0][0], target=flight.steps)
     model = student(stages[0][0])
     for config, scatter in stages:
         if not keeper.satisfied:
@@ -96,7 +103,7 @@ def generalist(
     before = len(list(STORE.glob(f"{name}-*.json")))
     flights = fewest_steps_many(drawn, jobs=jobs, store=STORE)
     planned = time.perf_counter()
-    keeper = Keeper(config, watch=watch)
+    keeper = BestPolicy(config, watch=watch)
     model = dagger(student(config), guided(flights, distribution, seed=seed, jobs=jobs), config, keeper)
     wall_time = time.perf_counter() - began
     policies.save(archive.rounded(model), out / f"{name}.zip", name)

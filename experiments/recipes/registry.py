@@ -14,16 +14,16 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
-from agents.evaluation.checks import CHECK_SEED
+from agents.evaluation.checks import VALIDATION_SEED
 from experiments.recipes.baselines import cascade, expert, grazing, pretrained, replanner, tape
 from experiments.recipes.imitation import advised, clone
-from experiments.recipes.lesson import Lesson, Made, best_known
+from experiments.recipes.lesson import RunSpec, TrainedAgent, best_known
 from experiments.recipes.plans import plans
 from experiments.recipes.reinforcement import ppo, sac, tuned
 from flatgym.scenarios.reference import EVALUATION_SEED
 
 
-def prepare(lesson: Lesson, agents: Collection[str]) -> float:
+def prepare(lesson: RunSpec, agents: Collection[str]) -> float:
     """Plan what some agents need to begin; return K* of a problem's checks: on a distribution the mean of its flights'.
 
     Args:
@@ -37,11 +37,11 @@ def prepare(lesson: Lesson, agents: Collection[str]) -> float:
         plans(lesson, 0, sizes.planned)
     if not PILOTS.isdisjoint(agents):
         plans(lesson, EVALUATION_SEED, sizes.disturbed)
-    checked, _ = plans(lesson, CHECK_SEED, sizes.check_episodes, share=1.0)
+    checked, _ = plans(lesson, VALIDATION_SEED, sizes.n_eval_episodes, share=1.0)
     return float(np.mean([flight.steps for flight in checked]))
 
 
-Recipe = Callable[[Lesson], Made]
+Recipe = Callable[[RunSpec], TrainedAgent]
 LEARNERS: dict[str, Recipe] = {"ppo": ppo, "sac": sac, "bc": clone, "dagger": advised, "bc-ppo": tuned}
 """What is learnt, once for each seed."""
 EXPERTS: dict[str, Recipe] = {

@@ -18,7 +18,7 @@ import plotly.graph_objects as go
 
 from experiments.benchmark.agents import PAINT
 from experiments.benchmark.formats import strength
-from experiments.benchmark.leaderboard import Board, Curve, Line, Standing
+from experiments.benchmark.leaderboard import ConditionScore, Curve, Leaderboard, LeaderboardRow
 from experiments.benchmark.summary import RELIABLE
 from experiments.figures import COLOURS, FAINT, FLAME, INK, OUTLINE
 from experiments.paper import figures
@@ -106,7 +106,7 @@ def whiskers(values: Sequence[float], lows: Sequence[float], highs: Sequence[flo
     }
 
 
-def gaps(problem: str, lines: Sequence[Line]) -> Chart:
+def gaps(problem: str, lines: Sequence[LeaderboardRow]) -> Chart:
     """Return the gaps of all agents of a problem, with their intervals; who has none is named all the same."""
     paint, names = colours(line.agent for line in lines), [label(line.name) for line in lines]
     there = [line for line in lines if not isnan(line.gap)]
@@ -133,7 +133,7 @@ def gaps(problem: str, lines: Sequence[Line]) -> Chart:
     return Chart(caption, title, drawn(figure), 80 + 28 * max(len(lines), 2))
 
 
-def missing(line: Line) -> str:
+def missing(line: LeaderboardRow) -> str:
     """Return why an agent has no gap."""
     if line.failed:
         return "failed"
@@ -167,7 +167,9 @@ def learning(problem: str, curves: Sequence[Curve]) -> Chart:
     return Chart(caption, title, drawn(figure), 360)
 
 
-def robustness(problem: str, standings: Sequence[Standing], conditions: Mapping[str, Mapping[str, float]]) -> Chart:
+def robustness(
+    problem: str, standings: Sequence[ConditionScore], conditions: Mapping[str, Mapping[str, float]]
+) -> Chart:
     """Return the success of all agents of a problem under each condition, with intervals."""
     figure, names = go.Figure(), list(dict.fromkeys(label(one.name) for one in standings))
     shades = [*COLOURS, FLAME, *MORE]
@@ -200,7 +202,7 @@ def rows(figure: go.Figure, names: Sequence[str]) -> None:
     )  # fmt: skip
 
 
-def of_problem(board: Board, problem: str, conditions: Mapping[str, Mapping[str, float]]) -> dict[str, Chart]:
+def of_problem(board: Leaderboard, problem: str, conditions: Mapping[str, Mapping[str, float]]) -> dict[str, Chart]:
     """Return the charts of a problem: "gap", then "learning" and "robustness" where there is something to show."""
     curves = [curve for curve in board.curves if curve.problem == problem]
     standings = [one for one in board.standings if one.problem == problem]

@@ -23,7 +23,7 @@ from string import Template
 from typing import Any
 
 from experiments.benchmark.formats import amount, gap, share, strength
-from experiments.benchmark.leaderboard import Board, Line, board
+from experiments.benchmark.leaderboard import Leaderboard, LeaderboardRow, board
 from experiments.files import plain
 from experiments.paper.tables import TABLE_I, table_1
 from experiments.report.charts import DARK, Chart, of_paper, of_problem
@@ -126,7 +126,7 @@ def packed_plotly() -> str:
 
 
 def numbers(
-    benchmark: dict[str, Any], found: Board, rows: list[dict[str, Any]], flights: dict[str, Any]
+    benchmark: dict[str, Any], found: Leaderboard, rows: list[dict[str, Any]], flights: dict[str, Any]
 ) -> dict[str, Any]:
     """Return every number that is shown, and how the run came about."""
     return {
@@ -177,7 +177,7 @@ def cell(title: str, one: Cell) -> str:
     return f'<td{kind} data-title="{escape(title)}" data-value="{value}">{one.shown}</td>'
 
 
-def scored(line: Line) -> list[Cell]:
+def scored(line: LeaderboardRow) -> list[Cell]:
     """Return a line of the leaderboard: numbers, or that it failed, and what failed."""
     names = [Cell(escape(line.problem), line.problem), Cell(escape(line.name) + failures(line), line.name)]
     if line.failed:
@@ -195,7 +195,7 @@ def scored(line: Line) -> list[Cell]:
     ]
 
 
-def failures(line: Line) -> str:
+def failures(line: LeaderboardRow) -> str:
     """Return the errors of an agent's runs below its name."""
     return "".join(f'<small class="failed">{escape(words)}</small>' for words in line.errors)
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agents import policies
-from agents.controllers.cascaded_pd import Cascade
+from agents.controllers.cascaded_pd import CascadedPD
 from agents.evaluation.rollouts import fly
 from experiments.benchmark.agents import NAMES, called
 from experiments.files import Row
@@ -26,8 +26,8 @@ from flatgym.quadrotor import Array
 from flatgym.scenarios.catalogue import DEFAULT_SCENARIO
 from flatgym.scenarios.reference import Reference, reference
 from flatgym.scenarios.scenario import Scenario
-from flatgym.task.scene import FLYING, OUTCOMES, Scene
-from flatgym.task.transition import advance, initial
+from flatgym.task.rollout import episode_outcomes, open_loop_states
+from flatgym.task.scene import FLYING, OUTCOMES
 
 DIGITS = 4
 """Decimals of states and controls; a tenth of a millimetre is far below what can be drawn."""
@@ -89,20 +89,14 @@ def flown(scenario: Scenario, actions: Sequence[ArrayLike], names: Sequence[str]
         ValueError: for actions of another shape, none, or such as are not finite.
     """
     held = [checked(one, name, scenario) for one, name in zip(actions, names, strict=True)]
-    scene = Scene.of([scenario] * len(held))
-    situations = [initial(scene)]
-    # Who has no action left is flown on, and what he does then left out.
-    for step in range(max(map(len, held))):
-        now = np.array([one[min(step, len(one) - 1)] for one in held])
-        situations.append(advance(scene, situations[-1], scenario.quadrotor.control(now)))
-    outcomes = np.array([situation.outcome for situation in situations])
     flights = []
-    for i, (one, name) in enumerate(zip(held, names, strict=True)):
-        ended = np.flatnonzero(outcomes[: len(one) + 1, i] != FLYING)
-        steps = int(ended[0]) if len(ended) else len(one)
-        states = np.array([situation.state[i] for situation in situations[: steps + 1]])
-        word = OUTCOMES[outcomes[steps, i]]
-        flights.append(Flight(name, states, scenario.quadrotor.control(one[:steps]), word, k_star))
+    for one, name in zip(held, names, strict=True):
+        states = open_loop_states(scenario, one)
+        outcomes = episode_outcomes(scenario, states, one).outcome
+        ended = np.flatnonzero(outcomes != FLYING)
+        steps = int(ended[0]) + 1 if len(ended) else len(one)
+        word = OUTCOMES[outcomes[steps - 1]]
+        flights.append(Flight(name, states[: steps + 1], scenario.quadrotor.control(one[:steps]), word, k_star))
     return flights
 
 
@@ -121,7 +115,7 @@ def shipped(agent: str, name: str) -> NDArray[np.float32] | None:
     """Return the actions of what comes with the package, the pretrained policy or the PD controller; None for none."""
     if agent == PRETRAINED and name not in policies.names():
         return None
-    return fly(policies.pretrained(name) if agent == PRETRAINED else Cascade(), name).actions[0]
+    return fly(policies.pretrained(name) if agent == PRETRAINED else CascadedPD(), name).actions[0]
 
 
 def candidates(results: Row, name: str) -> Iterator[tuple[str, ArrayLike]]:

@@ -24,7 +24,7 @@ import optimal
 from agents.imitation.cloning import CloneConfig, clone
 from agents.imitation.dataset import recorded
 from agents.imitation.dataset_aggregation import DaggerConfig, dagger
-from agents.imitation.selection import Keeper
+from agents.imitation.selection import BestPolicy
 from agents.policies.policy import Policy
 from experiments import figures
 from flatgym import SCENARIOS, Disturbances
@@ -57,7 +57,7 @@ print(f"flown anew in the environment, {sum(one.outcome == 'goal' for one in rep
 
 # %%
 shown = recorded(dataset, NAME)
-cloned = clone(shown, CloneConfig(scenario=NAME, updates=100 if QUICK else 4000))
+cloned = clone(shown, CloneConfig(scenario=NAME, gradient_steps=100 if QUICK else 4000))
 cloned_file = agents.policies.save(cloned, FOLDER / "cloned.zip", NAME)
 print(f"{len(shown.actions)} pairs were shown; the policy is in {cloned_file}")
 
@@ -101,11 +101,11 @@ print(pd.DataFrame(scores).to_string(index=False))
 
 # %%
 scenario = SCENARIOS[NAME]
-narrow = replace(scenario, hoops=tuple(replace(hoop, diameter=0.4 * hoop.diameter) for hoop in scenario.hoops))
+narrow = scenario.with_diameters(0.4 * hoop.diameter for hoop in scenario.hoops)
 taught = replace(optimal.fewest_steps(narrow, time_budget=0.0), scenario=scenario)
 expert = agents.Expert(taught, late=1)
-rounds = DaggerConfig(scenario=NAME, rounds=2 if QUICK else 8, updates=100 if QUICK else 2000)
-keeper = Keeper(rounds, target=k_star)
+rounds = DaggerConfig(scenario=NAME, rounds=2 if QUICK else 8, gradient_steps=100 if QUICK else 2000)
+keeper = BestPolicy(rounds, target=k_star)
 adviser = agents.regulated([taught], count=4 if QUICK else 32)
 advised = dagger(PPO.load(cloned_file, device="cpu"), adviser, rounds, keeper)
 agents.policies.save(advised, FOLDER / "advised.zip", NAME)
@@ -124,14 +124,14 @@ config = agents.PPOConfig(
     policy=str(cloned_file),
     env_steps=2048 if QUICK else 600_000,
     num_envs=16 if QUICK else 256,
-    rollout=16 if QUICK else 64,
-    batch=128 if QUICK else 4096,
+    n_steps=16 if QUICK else 64,
+    batch_size=128 if QUICK else 4096,
     tolerance=1.0,
-    drawn=0.0,
-    drawn_end=0.0,
-    log_std=-2.5,
+    pool_share=0.0,
+    pool_share_end=0.0,
+    log_std_init=-2.5,
     learning_rate=1e-4,
-    divergence=0.005,
+    target_kl=0.005,
     folder=str(FOLDER / "ppo"),
 )
 training = agents.train(config, optimum=k_star)

@@ -90,8 +90,8 @@ config = agents.PPOConfig(
     scenario=NAME,
     env_steps=ENV_STEPS,
     num_envs=VEHICLES,
-    rollout=ROLLOUT,
-    batch=BATCH,
+    n_steps=ROLLOUT,
+    batch_size=BATCH,
     folder=str(FOLDER / "ppo"),
 )
 training = agents.train(config, optimum=best.k_star)

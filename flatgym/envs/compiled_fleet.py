@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from flatgym.envs import fleet
-from flatgym.envs.fleet import Begun, Fleet, Flown, Mask, Record, not_finite
+from flatgym.envs.fleet import Fleet, Mask, Record, ResetResult, StepResult, not_finite
 from flatgym.kernels import layout
 from flatgym.kernels.layout import BLOCK, ROWS, SETTINGS
 from flatgym.kernels.step import advance
@@ -28,7 +28,7 @@ PATIENCE = 2.0
 
 
 @contextmanager
-def telling() -> Iterator[None]:
+def announce_compilation() -> Iterator[None]:
     """Say on standard error that the kernels are being compiled, should it take long: it is the first time here."""
     words = "flatgym: compiling the environment's kernels, once on this machine; it takes some 10 to 20 seconds"
     timer = threading.Timer(PATIENCE, print, [words], {"file": sys.stderr, "flush": True})
@@ -75,7 +75,7 @@ class CompiledFleet(Fleet):
             self._padded,
         )
         if not advance.signatures:
-            with telling():
+            with announce_compilation():
                 self._advance(np.zeros((n, 7)))  # where nobody begins anything, but the kernels are compiled
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -127,7 +127,7 @@ class CompiledFleet(Fleet):
         for name, value in values.items():
             self.settings[name] = value
 
-    def reset(self, mask: Mask, state: Array | None = None, hoops_passed: Integers | None = None) -> Begun:
+    def reset(self, mask: Mask, state: Array | None = None, hoops_passed: Integers | None = None) -> ResetResult:
         """Begin episodes; see `Fleet.reset`."""
         given = np.full((self.n, 7), np.nan)
         given[:, 0] = mask
@@ -138,11 +138,11 @@ class CompiledFleet(Fleet):
         begun = self._advance(given)
         return begun.observation, begun.record
 
-    def step(self) -> Flown:
+    def step(self) -> StepResult:
         """Fly all one step; see `Fleet.step`."""
         return self._advance(NOTHING)
 
-    def _advance(self, given: Array) -> Flown:
+    def _advance(self, given: Array) -> StepResult:
         n, final = self.n, self._no_final
         observation = np.empty((n, self.columns), dtype=np.float32)
         record = Record(np.empty((NUMBERS, n)), np.empty((2, n), dtype=np.int64), np.empty((3, n), dtype=np.bool_))
@@ -153,5 +153,5 @@ class CompiledFleet(Fleet):
             raise not_finite(self.actions)
         rows = self._ended[:ended].copy()
         if ended and self.same_step:
-            return Flown(observation, record, rows, *final)
-        return Flown(observation, record, rows)
+            return StepResult(observation, record, rows, *final)
+        return StepResult(observation, record, rows)

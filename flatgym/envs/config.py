@@ -64,7 +64,7 @@ def check_states(state: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
 
 
 @dataclass(frozen=True)
-class Course:
+class EnvConfig:
     """What an environment is made with.
 
     Attributes:

@@ -10,11 +10,11 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flatgym.envs.config import Course, Starts
+from flatgym.envs.config import EnvConfig, Starts
 from flatgym.envs.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, Fleet, not_finite
 from flatgym.envs.resetting import begin, check_options, check_seed, known_k_star
 from flatgym.envs.spaces import action_space, observation_space, take_actions
-from flatgym.rendering.recorder import Film
+from flatgym.rendering.recorder import EpisodeRecorder
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.catalogue import DEFAULT_SCENARIO, ProblemLike
 from flatgym.scenarios.disturbances import Disturbances
@@ -26,7 +26,7 @@ Observation = NDArray[np.float32]
 ALL = np.ones(1, dtype=np.bool_)
 
 
-def fleet_of(course: Course, n: int, same_step: bool = False) -> Fleet:
+def fleet_of(course: EnvConfig, n: int, same_step: bool = False) -> Fleet:
     """Return a fleet: compiled where numba is installed."""
     if find_spec("numba") is None:
         return Fleet(course, n, same_step)
@@ -139,8 +139,8 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         render_mode: str | None = None,
     ) -> None:
         disturbances = Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise)
-        course = Course(catalogue.problem(scenario), reward, observation, disturbances, starts)
-        self.film = Film(course.problem, render_mode, ghost, scored=not disturbances.active)
+        course = EnvConfig(catalogue.problem(scenario), reward, observation, disturbances, starts)
+        self.film = EpisodeRecorder(course.problem, render_mode, ghost, scored=not disturbances.active)
         self.fleet = fleet_of(course, 1)
         self._action = self.fleet.actions[0]
         self.render_mode = render_mode

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flatgym import task
-from flatgym.envs.config import Course
+from flatgym.envs.config import EnvConfig
 from flatgym.quadrotor import Array
 from flatgym.scenarios.counter_rng import START, uniform
 from flatgym.scenarios.distributions import PER_HOOP, PLACED, Distribution
@@ -51,7 +51,7 @@ class Record(NamedTuple):
         return cls(numbers, numbers[STEPS : HOOPS_PASSED + 1].astype(np.int64), flags)
 
 
-class Flown(NamedTuple):
+class StepResult(NamedTuple):
     """What a step gave.
 
     Attributes:
@@ -69,7 +69,7 @@ class Flown(NamedTuple):
     final: Array | None = None
 
 
-Begun = tuple[NDArray[np.float32], Record]
+ResetResult = tuple[NDArray[np.float32], Record]
 
 
 class Fleet:
@@ -85,7 +85,7 @@ class Fleet:
         actions: actions for the next step, shape (n, 2); they are clipped to the box.
     """
 
-    def __init__(self, course: Course, n: int, same_step: bool = False) -> None:
+    def __init__(self, course: EnvConfig, n: int, same_step: bool = False) -> None:
         self.course, self.n, self.same_step = course, n, same_step
         self.share = course.starts.share if course.starts else 0.0
         self.ids = np.zeros((2, n), dtype=np.uint64)
@@ -140,7 +140,7 @@ class Fleet:
             return np.full(self.n, len(problem.hoops))
         return problem.draw(self.seeds, self.episodes)[:, 2].astype(np.int64)
 
-    def reset(self, mask: Mask, state: Array | None = None, hoops_passed: Integers | None = None) -> Begun:
+    def reset(self, mask: Mask, state: Array | None = None, hoops_passed: Integers | None = None) -> ResetResult:
         """Begin the episodes `self.episodes` of the flights under `mask`, at given states or at their own starts.
 
         Args:
@@ -166,7 +166,7 @@ class Fleet:
             seen = replace(seen, state=seen.state + disturbances.noise(self.seeds, self.episodes, steps))
         return task.observe(self.scene, seen, self.course.observation)
 
-    def step(self) -> Flown:
+    def step(self) -> StepResult:
         """Fly all one step under `actions`; a ValueError names those that are not finite, and nobody has flown then."""
         if not np.isfinite(self.actions).all():
             raise not_finite(self.actions)
@@ -183,7 +183,7 @@ class Fleet:
             self._begin_next(self.waits)
             self.waits = np.zeros(self.n, dtype=bool)
         record, ended = Record.of(self._numbers(reward, end)), np.flatnonzero(end)
-        return Flown(self._observe(), record, ended, final_observation, final)
+        return StepResult(self._observe(), record, ended, final_observation, final)
 
     def _late(self, control: Array) -> Array:
         """Put controls into their queues and return those whose time has come; before the first, hover."""
@@ -226,7 +226,7 @@ def not_finite(actions: Array) -> ValueError:
     return ValueError(f"actions must be finite, got {actions[wrong][:5]} at indices {where}")
 
 
-def scene_of(course: Course, seeds: Seeds, episodes: Seeds) -> Scene:
+def scene_of(course: EnvConfig, seeds: Seeds, episodes: Seeds) -> Scene:
     """Return the scene of episodes of a course, shapes (n,): scenarios drawn if they are, disturbances too."""
     problem, n = course.problem, len(seeds)
     if isinstance(problem, Distribution):

@@ -21,7 +21,7 @@ OURS = 3
 """References to an array that only we hold: of its entry in the list, of the local name, of the question itself."""
 
 
-class Words:
+class OutcomeStrings:
     """Arrays of n outcomes as words."""
 
     def __init__(self, n: int) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flatgym.envs.config import check_states
-from flatgym.envs.fleet import Begun, Fleet, Mask, Seeds
+from flatgym.envs.fleet import Fleet, Mask, ResetResult, Seeds
 from flatgym.quadrotor import Array
 from flatgym.scenarios.reference import k_star_of
 from flatgym.scenarios.scenario import Scenario
@@ -28,7 +28,7 @@ def check_options(options: Any, known: tuple[str, ...] = OPTIONS) -> dict[str, A
     return dict(options)
 
 
-def begin(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any]) -> Begun:
+def begin(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any]) -> ResetResult:
     """Begin the next episodes under `mask`, or the first of `seeds`, as the options say.
 
     Args:

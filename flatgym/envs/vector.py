@@ -18,10 +18,10 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from flatgym.envs.config import Course, Starts
+from flatgym.envs.config import EnvConfig, Starts
 from flatgym.envs.env import fleet_of
-from flatgym.envs.fleet import OUTCOME, REWARD, TIME, Flown, Mask, Record, Seeds
-from flatgym.envs.outcome_words import Words
+from flatgym.envs.fleet import OUTCOME, REWARD, TIME, Mask, Record, Seeds, StepResult
+from flatgym.envs.outcome_words import OutcomeStrings
 from flatgym.envs.resetting import OPTIONS, begin, check_options, check_seed, known_k_star
 from flatgym.envs.spaces import action_space, observation_space, take_actions
 from flatgym.quadrotor import Array
@@ -73,7 +73,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             )
         disturbances = Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise)
         problem = catalogue.problem(scenario)
-        course = Course(problem, reward, observation, disturbances, starts, max_episode_steps)
+        course = EnvConfig(problem, reward, observation, disturbances, starts, max_episode_steps)
         self.num_envs = num_envs
         self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
@@ -85,7 +85,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         self._all = np.ones(num_envs, dtype=bool)
         self._all.flags.writeable = False  # it is handed out as the mask of every info
         self._masks = {f"_{key}": self._all for key in INFO_KEYS}
-        self._words = Words(num_envs)
+        self._words = OutcomeStrings(num_envs)
         self._begun = False
         self._ended: Mask = np.zeros(num_envs, dtype=bool)
         self._k_star = np.full(num_envs, np.nan)
@@ -96,7 +96,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         self._all.flags.writeable = False
 
     @property
-    def course(self) -> Course:
+    def course(self) -> EnvConfig:
         """What the environment is made with."""
         return self.fleet.course
 
@@ -160,7 +160,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             infos |= self._final(flown, terminated | truncated, before)
         return flown.observation, flown.record.numbers[REWARD], terminated, truncated, infos
 
-    def _final(self, flown: Flown, mask: Mask, k_star: Array) -> dict[str, Any]:
+    def _final(self, flown: StepResult, mask: Mask, k_star: Array) -> dict[str, Any]:
         assert flown.final is not None
         assert flown.final_observation is not None
         observations = np.full(self.num_envs, None, dtype=object)

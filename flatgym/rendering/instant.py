@@ -49,7 +49,7 @@ def between(states: Array, steps: float) -> Array:
 
 def box_of_interest(scenario: Scenario, ghost: Array | None) -> Array:
     """Return least x, least z, greatest x, greatest z of what is to be seen [m], shape (4,)."""
-    rims = [hoop.centre + side * hoop.diameter / 2 * hoop.across for hoop in scenario.hoops for side in (-1, 1)]
+    rims = [rim for hoop in scenario.hoops for rim in hoop.rims]
     points = np.array([scenario.start, scenario.goal, *rims])
     if ghost is not None:
         points = np.concatenate([points, ghost[:, 0:2]])

@@ -22,7 +22,7 @@ from flatgym.scenarios.reference import ghost_states, reference
 from flatgym.scenarios.scenario import Scenario
 
 
-class Film:
+class EpisodeRecorder:
     """The present episode, and the renderer that draws it.
 
     Args:

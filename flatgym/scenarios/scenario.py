@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,15 @@ class Hoop:
     def direction(self) -> Array:
         """Unit vector of passage, shape (2,)."""
         return np.array([math.cos(self.angle), math.sin(self.angle)])
+
+    @property
+    def rims(self) -> Array:
+        """Both ends of the gap [m], shape (2, 2): against `across` first."""
+        return self.centre + np.outer([-0.5, 0.5], self.diameter * self.across)
+
+    def half_gap(self, radius: float = 0.0) -> float:
+        """Return how far from the centre of the gap a body of that radius [m] may cross it [m]."""
+        return self.diameter / 2 - radius
 
     @property
     def across(self) -> Array:
@@ -162,8 +172,7 @@ class Scenario:
             )
 
     def _check_heights(self) -> None:
-        low = -math.inf if self.floor is None else self.floor
-        high = math.inf if self.ceiling is None else self.ceiling
+        low, high = self.heights
         if low >= high:
             raise ValueError(f"Scenario.ceiling must lie above the floor at {self.floor} m, got {self.ceiling}")
         for name in ("start", "goal"):
@@ -183,10 +192,11 @@ class Scenario:
                     f"{where}: a gap of {hoop.diameter} m is too small for a body of "
                     f"radius {self.quadrotor.radius} m; it must exceed {2 * self.quadrotor.radius} m"
                 )
-            reach = (hoop.diameter / 2 - self.quadrotor.radius) * abs(math.cos(hoop.angle))
-            if self.floor is not None and hoop.z + reach < self.floor:
+            reach = hoop.half_gap(self.quadrotor.radius) * abs(math.cos(hoop.angle))
+            low, high = self.heights
+            if hoop.z + reach < low:
                 raise ValueError(f"{where} lies wholly below the floor at {self.floor} m: {hoop}")
-            if self.ceiling is not None and hoop.z - reach > self.ceiling:
+            if hoop.z - reach > high:
                 raise ValueError(f"{where} lies wholly above the ceiling at {self.ceiling} m: {hoop}")
 
     @property
@@ -210,6 +220,26 @@ class Scenario:
         points = np.array([self.start, self.goal, *((hoop.x, hoop.z) for hoop in self.hoops)])
         low, high = points.min(axis=0) - BOUNDS_MARGIN, points.max(axis=0) + BOUNDS_MARGIN
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    @property
+    def heights(self) -> tuple[float, float]:
+        """Least and greatest height of the vehicle's centre [m]; infinite where there is no floor or ceiling."""
+        return (
+            -math.inf if self.floor is None else self.floor,
+            math.inf if self.ceiling is None else self.ceiling,
+        )
+
+    def with_diameters(self, diameters: Iterable[float]) -> Scenario:
+        """Return the scenario with other widths of its gaps [m], one for each hoop.
+
+        Raises:
+            ValueError: for another number of widths, and for a gap that is too small for the body.
+        """
+        widths = tuple(diameters)
+        if len(widths) != len(self.hoops):
+            raise ValueError(f"Scenario.with_diameters needs {len(self.hoops)} widths, one a hoop, got {len(widths)}")
+        hoops = (replace(hoop, diameter=width) for hoop, width in zip(self.hoops, widths, strict=True))
+        return replace(self, hoops=tuple(hoops))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the scenario as plain dictionaries, lists, numbers and strings."""

@@ -16,7 +16,7 @@ from flatgym.quadrotor import Array
 from flatgym.task.observation import HOOPS_SEEN, LENGTH_UNIT, OBSERVATION_NAMES, SPEED_UNIT
 
 
-class Seen(NamedTuple):
+class DecodedObservation(NamedTuple):
     """An observation in SI units; shapes behind the leading axes of the observations.
 
     Attributes:
@@ -53,7 +53,7 @@ class Seen(NamedTuple):
         return np.greater(self.diameters, 0.0)
 
 
-def relative_state(observations: ArrayLike) -> Seen:
+def decode_observation(observations: ArrayLike) -> DecodedObservation:
     """Return what observations of the kind "features" say, shape (..., 19), exact up to their float32 rounding.
 
     Raises:
@@ -63,7 +63,7 @@ def relative_state(observations: ArrayLike) -> Seen:
     if seen.ndim < 1 or seen.shape[-1] != len(OBSERVATION_NAMES):
         raise ValueError(f"observations must have shape (..., {len(OBSERVATION_NAMES)}), got {seen.shape}")
     hoops = seen[..., 6:-3].reshape(*seen.shape[:-1], HOOPS_SEEN, 5)
-    return Seen(
+    return DecodedObservation(
         goal=_length(seen[..., 0:2]),
         velocity=_length(seen[..., 2:4], SPEED_UNIT),
         sin=seen[..., 4],

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from flatgym.quadrotor import STATE_NAMES, Array
 from flatgym.task.scene import (
+    EpisodeState,
     Scene,
-    Situation,
 )
 
 HOOPS_SEEN = 2
@@ -51,7 +51,7 @@ def _squash(length: Array, unit: float) -> Array:
     return length / (unit + np.abs(length))
 
 
-def observe(scene: Scene, situation: Situation, observation: str = "features") -> NDArray[np.float32]:
+def observe(scene: Scene, situation: EpisodeState, observation: str = "features") -> NDArray[np.float32]:
     """Return the features named in OBSERVATION_NAMES, all in [-1, 1], shape (n, 19), or the states, shape (n, 5)."""
     if observation == "state":
         return situation.state.astype(np.float32)

@@ -7,13 +7,13 @@ import numpy as np
 from flatgym.quadrotor import Array
 from flatgym.task.scene import (
     GOAL,
+    EpisodeState,
     Scene,
-    Situation,
 )
 from flatgym.task.shaping import potential
 
 
-def reward(scene: Scene, before: Situation, after: Situation, shaped: bool) -> Array:
+def reward(scene: Scene, before: EpisodeState, after: EpisodeState, shaped: bool) -> Array:
     """Return the reward of the step from `before` to `after` [s], shape (n,).
 
     Sparse: minus dt; a flight that fails pays the rest of its time limit at once, so that the

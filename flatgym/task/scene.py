@@ -86,8 +86,8 @@ class Scene:
             hoop_direction=direction,
             hoop_diameter=diameter,
             hoop_count=np.array([len(s.hoops) for s in scenarios]),
-            floor=np.array([-np.inf if s.floor is None else s.floor for s in scenarios]),
-            ceiling=np.array([np.inf if s.ceiling is None else s.ceiling for s in scenarios]),
+            floor=np.array([s.heights[0] for s in scenarios]),
+            ceiling=np.array([s.heights[1] for s in scenarios]),
             bounds=np.array([s.bounds for s in scenarios]),
             max_steps=np.array([s.max_steps for s in scenarios]),
             last_step=np.array([s.max_steps for s in scenarios]),
@@ -117,7 +117,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Situation:
+class EpisodeState:
     """Where n flights stand.
 
     Attributes:
@@ -142,9 +142,9 @@ class Situation:
         """Whether only the clock ended the flight, shape (n,)."""
         return self.outcome == TIME_LIMIT
 
-    def put(self, mask: NDArray[np.bool_], other: Situation) -> Situation:
+    def put(self, mask: NDArray[np.bool_], other: EpisodeState) -> EpisodeState:
         """Return these situations with those under `mask`, shape (n,), taken from `other`."""
-        return Situation(
+        return EpisodeState(
             state=np.where(mask[:, None], other.state, self.state),
             steps=np.where(mask, other.steps, self.steps),
             hoops_passed=np.where(mask, other.hoops_passed, self.hoops_passed),

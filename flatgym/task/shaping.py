@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from flatgym.quadrotor import Array
-from flatgym.task.scene import Scene, Situation
+from flatgym.task.scene import EpisodeState, Scene
 
 CRUISE_SPEED = 5.0
 """Speed at which the detour through hoops is reckoned [m/s]."""
@@ -39,7 +39,7 @@ def rest_time(offset: Array, speed: Array, forward: Array, backward: Array) -> A
     return np.sqrt((1 / forward + 1 / backward) * np.maximum(2 * offset + speed * begun, 0.0)) - begun
 
 
-def potential(scene: Scene, situation: Situation) -> Array:
+def potential(scene: Scene, situation: EpisodeState) -> Array:
     """Return the potential [s], shape (n,): minus the time to go, 0 for flights that have ended for good.
 
     Args:
@@ -55,7 +55,7 @@ def potential(scene: Scene, situation: Situation) -> Array:
     return np.where(situation.terminated, 0.0, -times.max(axis=1) - detour / CRUISE_SPEED)
 
 
-def way_through_hoops(scene: Scene, situation: Situation) -> Array:
+def way_through_hoops(scene: Scene, situation: EpisodeState) -> Array:
     """Return the length of the polyline through the centres of the hoops ahead to the goal [m], shape (n,)."""
     way, here = np.zeros(len(scene)), situation.state[:, 0:2]
     for j in range(scene.hoop_centre.shape[1]):

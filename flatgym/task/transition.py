@@ -10,13 +10,12 @@ Nothing here remembers anything, so that loops, environments and planners share 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flatgym.arc import Arc
-from flatgym.quadrotor import Array
+from flatgym.quadrotor import Array, nearest_turn
 from flatgym.task.scene import (
     CEILING,
     COLLISION,
@@ -24,31 +23,30 @@ from flatgym.task.scene import (
     FLYING,
     GOAL,
     OUT_OF_BOUNDS,
-    OUTCOMES,
     TIME_LIMIT,
+    EpisodeState,
     Integers,
     Scene,
-    Situation,
 )
 
 CONTACT_SLACK = 1e-6
 """Depth below a floor or above a ceiling that is not yet contact [m]: standing on it is allowed."""
 
 
-def initial(scene: Scene) -> Situation:
+def initial(scene: Scene) -> EpisodeState:
     """Return all vehicles at rest and upright at their starts."""
     n = len(scene)
     state = np.zeros((n, 5))
     state[:, 0:2] = scene.start
     nothing = np.zeros(n, dtype=np.int64)
-    return Situation(state=state, steps=nothing, hoops_passed=nothing, outcome=nothing)
+    return EpisodeState(state=state, steps=nothing, hoops_passed=nothing, outcome=nothing)
 
 
-def advance(scene: Scene, situation: Situation, control: Array) -> Situation:
+def advance(scene: Scene, situation: EpisodeState, control: Array) -> EpisodeState:
     """Fly every vehicle one step of dt under its constant control [thrust, rate], shape (n, 2)."""
     felt = np.stack([control[:, 0] * scene.thrust_factor, control[:, 1]], axis=-1)
     arc = Arc(scene.quadrotor, situation.state, felt, scene.dt, scene.wind)
-    after = Situation(
+    after = EpisodeState(
         state=arc.at(scene.dt),
         steps=situation.steps + 1,
         hoops_passed=_pass_hoops(scene, arc, situation.hoops_passed),
@@ -57,7 +55,7 @@ def advance(scene: Scene, situation: Situation, control: Array) -> Situation:
     return replace(after, outcome=outcome(scene, arc, after))
 
 
-def outcome(scene: Scene, arc: Arc, after: Situation) -> Integers:
+def outcome(scene: Scene, arc: Arc, after: EpisodeState) -> Integers:
     """Return how the flights stand after the step flown along `arc`, shape (n,), as in OUTCOMES.
 
     A contact anywhere inside the step comes before the goal at its end, and the goal before the
@@ -79,14 +77,14 @@ def outcome(scene: Scene, arc: Arc, after: Situation) -> Integers:
     return code
 
 
-def arrived(scene: Scene, situation: Situation) -> NDArray[np.bool_]:
+def arrived(scene: Scene, situation: EpisodeState) -> NDArray[np.bool_]:
     """Return whether the vehicles are at the goal, slow, upright, all hoops passed, shape (n,)."""
     offset, velocity = situation.state[:, 0:2] - scene.goal, situation.state[:, 2:4]
     theta, tolerance = situation.state[:, 4], scene.tolerance
     return (
         (np.hypot(offset[:, 0], offset[:, 1]) <= tolerance.position)
         & (np.hypot(velocity[:, 0], velocity[:, 1]) <= tolerance.speed)
-        & (np.abs(theta - 2 * np.pi * np.round(theta / (2 * np.pi))) <= tolerance.angle)
+        & (np.abs(nearest_turn(theta)) <= tolerance.angle)
         & (situation.hoops_passed >= scene.hoop_count)
     )
 
@@ -124,15 +122,3 @@ def _touches_rim(scene: Scene, arc: Arc) -> NDArray[np.bool_]:
             rim = scene.hoop_centre[:, j] + side * scene.hoop_diameter[:, j, None] * across
             touched |= (arc.distance(rim, radius) < radius) & (j < scene.hoop_count)
     return touched
-
-
-def info(scene: Scene, situation: Situation) -> dict[str, Any]:
-    """Return the info arrays, the same keys at every step, each with leading axis n."""
-    return {
-        "state": situation.state,
-        "time": situation.steps * scene.dt,
-        "steps": situation.steps,
-        "hoops_passed": situation.hoops_passed,
-        "is_success": situation.outcome == GOAL,
-        "outcome": np.array(OUTCOMES, dtype=object)[situation.outcome],
-    }

@@ -20,11 +20,11 @@ from dataclasses import replace
 
 from flatgym.scenarios.scenario import Scenario
 from optimal.direct import transcription as tr
-from optimal.direct.guesses import packed
+from optimal.direct.guesses import warm_start
 from optimal.direct.program import NODES, Shape, phase_steps
-from optimal.direct.shooting import Shot, attempt
+from optimal.direct.shooting import ShootingSolution, solve_from
 from optimal.flights.certificate import TOLERANCE, Certificate, certify
-from optimal.flights.replay import fly_again, path_violation
+from optimal.flights.replay import path_violation, replay_controls
 
 CLEAR = TOLERANCE
 """Depth in a rim that counts as clear, and what the clearance grows by beyond the depth measured [m]."""
@@ -36,20 +36,22 @@ ROUNDS = 8
 """Times the clearance may grow."""
 
 
-def rim_depth(scenario: Scenario, shot: Shot) -> float:
+def rim_depth(scenario: Scenario, shot: ShootingSolution) -> float:
     """Return how deep the body of a flight reaches into a rim, in continuous time [m]."""
     flight = shot.trajectory
-    _, arcs = fly_again(flight, scenario.quadrotor, scenario.start_state, flight.breakpoints, flight.states)
+    _, arcs = replay_controls(flight, scenario.quadrotor, scenario.start_state, flight.breakpoints, flight.states)
     return path_violation(arcs, replace(scenario, floor=None, ceiling=None))
 
 
-def keep_clear(scenario: Scenario, shot: Shot, *, nodes: int = NODES, tolerant: bool = False) -> Shot:
+def keep_clear(
+    scenario: Scenario, shot: ShootingSolution, *, nodes: int = NODES, tolerant: bool = False
+) -> ShootingSolution:
     """Return the flight nearby that keeps the body clear of all rims; one that does already is returned as it is.
 
     Args:
         scenario: what to fly.
         shot: a flight of the scenario's point, converged.
-        nodes: steps of the whole flight, as for `shoot`.
+        nodes: steps of the whole flight, as for `solve_winding`.
         tolerant: whether it may end anywhere within the tolerance.
     """
     if not scenario.hoops or scenario.quadrotor.radius == 0:
@@ -60,15 +62,17 @@ def keep_clear(scenario: Scenario, shot: Shot, *, nodes: int = NODES, tolerant: 
     for _ in range(ROUNDS):
         if depth <= CLEAR or not shot.converged:
             break
-        guess = packed(shot.trajectory, steps)
-        shot = attempt(scenario, shape, shot.winding, guess, warm=True, clearance=clearance)
+        guess = warm_start(shot.trajectory, steps)
+        shot = solve_from(scenario, shape, shot.winding, guess, warm=True, clearance=clearance)
         iterations += shot.iterations
         depth = rim_depth(scenario, shot)
         clearance += AMPLE * depth + CLEAR
     return replace(shot, converged=shot.converged and depth <= CLEAR, iterations=iterations)
 
 
-def tighten(scenario: Scenario, shot: Shot, certificate: Certificate) -> tuple[Shot, Certificate]:
+def tighten(
+    scenario: Scenario, shot: ShootingSolution, certificate: Certificate
+) -> tuple[ShootingSolution, Certificate]:
     """Return the flight nearby whose certificate holds, and that; the last one tried where none is found.
 
     Args:
@@ -84,8 +88,8 @@ def tighten(scenario: Scenario, shot: Shot, certificate: Certificate) -> tuple[S
         room += AMPLE * excess + CLEAR
         rims = bool(scenario.hoops) and scenario.quadrotor.radius > 0
         shape = Shape(shot.steps, tr.limited(scenario), False, rims)
-        guess = packed(shot.trajectory, shot.steps)
-        shot = attempt(narrowed(scenario, room), shape, shot.winding, guess, warm=True, clearance=room)
+        guess = warm_start(shot.trajectory, shot.steps)
+        shot = solve_from(narrowed(scenario, room), shape, shot.winding, guess, warm=True, clearance=room)
         certificate = certify(shot.trajectory, scenario)
     return shot, certificate
 
@@ -96,8 +100,7 @@ def narrowed(scenario: Scenario, room: float) -> Scenario:
     floor, ceiling = scenario.floor, scenario.ceiling
     narrowest = 2 * (scenario.quadrotor.radius + CLEAR)
     return replace(
-        scenario,
-        hoops=tuple(replace(hoop, diameter=max(hoop.diameter - 2 * room, narrowest)) for hoop in scenario.hoops),
+        scenario.with_diameters(max(hoop.diameter - 2 * room, narrowest) for hoop in scenario.hoops),
         floor=floor if floor is None or floor + room > min(heights) else floor + room,
         ceiling=ceiling if ceiling is None or ceiling - room < max(heights) else ceiling - room,
     )

@@ -17,8 +17,7 @@ from dataclasses import replace
 
 from flatgym.scenarios.scenario import Scenario
 from optimal.direct.program import LONGEST
-from optimal.direct.shooting import explore
-from optimal.direct.transcription import height_limits
+from optimal.direct.shooting import solve_coarse
 from optimal.flights.projection_bound import projection_bound
 
 Interval = tuple[float, float]
@@ -30,7 +29,7 @@ TOUCH = 1e-9
 def impossible(scenario: Scenario) -> str:
     """Return why no flight of a scenario can exist, naming the limit at fault; empty where none is known."""
     for i, hoop in enumerate(scenario.hoops):
-        name, (low, high) = f"hoops[{i}]", height_limits(scenario)
+        name, (low, high) = f"hoops[{i}]", scenario.heights
         if abs(math.cos(hoop.angle)) < 1e-9 and not low < hoop.z < high:
             return (
                 f"{name} lies flat at z = {hoop.z} m, against the {'floor' if hoop.z <= low else 'ceiling'}, and "
@@ -52,10 +51,10 @@ def passage(scenario: Scenario, index: int) -> list[Interval]:
         index: of the hoop.
     """
     hoop, radius = scenario.hoops[index], scenario.quadrotor.radius
-    half = hoop.diameter / 2 - radius
+    half = hoop.half_gap(radius)
     low, high, slope = -half, half, hoop.across[1]
     if abs(slope) > 1e-9:
-        ends = sorted((height - hoop.z) / slope for height in height_limits(scenario))
+        ends = sorted((height - hoop.z) / slope for height in scenario.heights)
         low, high = max(low, ends[0]), min(high, ends[1])
     free = [(low, high)] if low <= high else []
     for other in scenario.hoops if radius > 0 else ():
@@ -68,7 +67,7 @@ def passage(scenario: Scenario, index: int) -> list[Interval]:
     return free
 
 
-def too_far(scenario: Scenario) -> str:
+def beyond_horizon(scenario: Scenario) -> str:
     """Return why the goal is beyond the longest flight the solver considers; empty where it is not."""
     least, longest = projection_bound(scenario), LONGEST * (len(scenario.hoops) + 1)
     if least <= longest:
@@ -82,7 +81,7 @@ def too_far(scenario: Scenario) -> str:
 def suspect(scenario: Scenario) -> str:
     """Return what seems to keep the solver from a flight, found by leaving out one requirement at a time."""
     for words, easier in relaxations(scenario):
-        if explore(easier).converged:
+        if solve_coarse(easier).converged:
             return f"The optimiser finds a flight {words}; look there."
     return "The optimiser finds no flight even without hoops and heights; look at goal and thrust_max."
 

@@ -34,7 +34,7 @@ def first_guess(
     return Stages(steps).pack(h, states.T, controls)
 
 
-def refined(flight: Trajectory, coarse: tuple[int, ...], steps: tuple[int, ...]) -> Array:
+def upsampled_guess(flight: Trajectory, coarse: tuple[int, ...], steps: tuple[int, ...]) -> Array:
     """Return a flight of `coarse` steps a phase as a start for `program` on a grid of other `steps`."""
     ends = flight.breakpoints[np.append(0, np.cumsum(coarse))]
     h = np.diff(ends) / np.array(steps)
@@ -43,6 +43,6 @@ def refined(flight: Trajectory, coarse: tuple[int, ...], steps: tuple[int, ...])
     return Stages(steps).pack(h, states, np.column_stack([thrust, np.diff(states[:, 4]) / np.diff(time)]))
 
 
-def packed(flight: Trajectory, steps: tuple[int, ...]) -> Array:
+def warm_start(flight: Trajectory, steps: tuple[int, ...]) -> Array:
     """Return a flight as a start for `program` on its own grid."""
     return Stages(steps).pack(np.diff(flight.breakpoints)[Stages(steps).firsts], flight.states, flight.controls)

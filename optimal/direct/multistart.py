@@ -22,8 +22,8 @@ import numpy as np
 from flatgym.scenarios.scenario import Scenario
 from optimal.direct.clearance import keep_clear
 from optimal.direct.program import NODES
-from optimal.direct.shooting import WINDINGS, Shot, explore, refine
-from optimal.direct.windings import SLACK, hopeless
+from optimal.direct.shooting import WINDINGS, ShootingSolution, solve_coarse, solve_fine
+from optimal.direct.windings import SLACK, pruned_windings
 
 STARTS = 3
 """Starts for each winding: one may fail or end in a slower optimum, and agreement can only be seen among several."""
@@ -47,7 +47,7 @@ class Search:
         iterations: of the solver, over all starts and grids.
     """
 
-    shots: tuple[Shot, ...] = ()
+    shots: tuple[ShootingSolution, ...] = ()
     starts: int = 0
     agreed: int = 0
     iterations: int = 0
@@ -73,10 +73,10 @@ def search(
     Raises:
         ValueError: when there is no winding or no start.
     """
-    tried = survey(scenario, windings, starts=starts, seed=seed, nodes=nodes)
-    flown: list[tuple[Shot, int]] = []
+    tried = coarse_multistart(scenario, windings, starts=starts, seed=seed, nodes=nodes)
+    flown: list[tuple[ShootingSolution, int]] = []
     iterations, fastest = sum(shot.iterations for shot in tried), math.inf
-    for kind in kinds(tried):
+    for kind in distinct_optima(tried):
         point = shot = _refined(scenario, kind, nodes)
         # Rims only cost time: a point slower than a body that keeps clear of them need not be cleared.
         if point.converged and point.trajectory.duration < fastest * (1 + AGREEMENT):
@@ -90,18 +90,18 @@ def search(
     return Search(tuple(shot for shot, _ in flown), len(tried), agreed, iterations)
 
 
-def _refined(scenario: Scenario, kind: Sequence[Shot], nodes: int) -> Shot:
+def _refined(scenario: Scenario, kind: Sequence[ShootingSolution], nodes: int) -> ShootingSolution:
     """Return the flight on the full grid to which the first of a kind leads that does not lose its way.
 
     A flight on the coarse grid is one on the full grid too, so that what comes out slower is another local optimum.
     """
-    fine = [refine(scenario, kind[0], nodes=nodes)]
+    fine = [solve_fine(scenario, kind[0], nodes=nodes)]
     while len(fine) < len(kind) and fine[-1].trajectory.duration > kind[0].trajectory.duration * (1 + SAME):
-        fine.append(refine(scenario, kind[len(fine)], nodes=nodes))
+        fine.append(solve_fine(scenario, kind[len(fine)], nodes=nodes))
     return min((shot for shot in fine if shot.converged), key=lambda shot: shot.trajectory.duration, default=fine[0])
 
 
-def survey(
+def coarse_multistart(
     scenario: Scenario,
     windings: Sequence[int],
     *,
@@ -109,7 +109,7 @@ def survey(
     seed: int = 0,
     nodes: int = NODES,
     slack: float = SLACK,
-) -> list[Shot]:
+) -> list[ShootingSolution]:
     """Return the flights on the coarse grid, converged or not, of all windings and starts that could still win.
 
     Args:
@@ -121,27 +121,27 @@ def survey(
     """
     if not windings or starts < 1:
         raise ValueError(f"needs at least one winding and one start, got windings={windings!r}, starts={starts!r}")
-    tried: list[Shot] = []
+    tried: list[ShootingSolution] = []
     left, fastest = sorted(dict.fromkeys(windings), key=abs), math.inf
     while left and 2 * math.pi * abs(left[0]) / scenario.quadrotor.rate_max <= fastest * (1 + slack):
         winding = left.pop(0)
         for i in range(starts):
             draw = np.random.default_rng((seed, winding % 2**32, i)) if i else None
-            shot = explore(scenario, winding, nodes=nodes, generator=draw)
+            shot = solve_coarse(scenario, winding, nodes=nodes, generator=draw)
             tried.append(shot)
             if shot.converged:
                 fastest = min(fastest, shot.trajectory.duration)
             if shot.converged and i == 0:
-                out = hopeless(scenario, shot, fastest * (1 + slack), {winding, *left})
+                out = pruned_windings(scenario, shot, fastest * (1 + slack), {winding, *left})
                 left = [other for other in left if other not in out]
                 if winding in out:
                     break
     return tried
 
 
-def kinds(tried: Sequence[Shot]) -> list[list[Shot]]:
+def distinct_optima(tried: Sequence[ShootingSolution]) -> list[list[ShootingSolution]]:
     """Return the flights fast enough to go on, alike ones together, the fastest first."""
-    found: list[list[Shot]] = []
+    found: list[list[ShootingSolution]] = []
     converged = sorted((shot for shot in tried if shot.converged), key=lambda shot: shot.trajectory.duration)
     for shot in converged:
         if shot.trajectory.duration > converged[0].trajectory.duration * (1 + MARGIN):

@@ -175,7 +175,7 @@ def bounds(scenario: Scenario, shape: Shape, winding: int, clearance: float = 0.
 def constraint_limits(scenario: Scenario, kind: str, hoop: int, clearance: float) -> Array:
     """Return least and greatest values of one of the `constraints`, shape (2, rows)."""
     if kind in ("rise", "fall"):
-        return np.array(tr.height_limits(scenario))[:, None]
+        return np.array(scenario.heights)[:, None]
     if kind == "crossing":
         return np.array(tr.crossing_limits(scenario))[:, 3 * hoop : 3 * hoop + 3]
     if kind == "rims":

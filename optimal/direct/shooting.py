@@ -13,7 +13,7 @@ Most of the way is gone on a grid of a quarter of the steps, where a step of the
 quarter; its flight, flown in four times as many steps, is a feasible and nearly optimal start on
 the full grid.
 
-The problem has local optima, one family for each number of turns, so `shoot` solves one winding
+The problem has local optima, one family for each number of turns, so `solve_winding` solves one winding
 from one start and the front door tries them all.
 """
 
@@ -26,7 +26,7 @@ import numpy as np
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
 from optimal.direct import transcription as tr
-from optimal.direct.guesses import first_guess, refined
+from optimal.direct.guesses import first_guess, upsampled_guess
 from optimal.direct.program import NODES, Shape, bounds, coarse_steps, layout, phase_steps, program
 from optimal.flights.trajectory import Trajectory
 
@@ -35,7 +35,7 @@ WINDINGS = (0, 1, -1, 2, -2, 3, -3)
 
 
 @dataclass(frozen=True)
-class Shot:
+class ShootingSolution:
     """What one solve from one start gave.
 
     Attributes:
@@ -57,9 +57,9 @@ class Shot:
     steps: tuple[int, ...]
 
 
-def attempt(
+def solve_from(
     scenario: Scenario, shape: Shape, winding: int, guess: Array, *, warm: bool = False, clearance: float = 0.0
-) -> Shot:
+) -> ShootingSolution:
     """Run the solver once, from a given start; see `program` and `bounds` for the arguments."""
     run, (stages, _, gaps, _, _) = program(shape, warm), layout(shape)
     result = run(x0=guess, **bounds(scenario, shape, winding, clearance))
@@ -71,7 +71,7 @@ def attempt(
         controls=values[stages.controls],
         quadrotor=scenario.quadrotor,
     )
-    return Shot(
+    return ShootingSolution(
         converged=stats["success"],
         message=stats["unified_return_status"],
         winding=winding,
@@ -82,38 +82,40 @@ def attempt(
     )
 
 
-def explore(
+def solve_coarse(
     scenario: Scenario,
     winding: int = 0,
     *,
     nodes: int = NODES,
     tolerant: bool = False,
     generator: np.random.Generator | None = None,
-) -> Shot:
-    """Solve one winding of a scenario from one start on the coarse grid; see `shoot` for the arguments."""
+) -> ShootingSolution:
+    """Solve one winding of a scenario from one start on the coarse grid; see `solve_winding` for the arguments."""
     steps = coarse_steps(scenario, nodes)
     guess = first_guess(scenario, steps, winding, generator)
-    return attempt(scenario, Shape(steps, tr.limited(scenario), tolerant), winding, guess)
+    return solve_from(scenario, Shape(steps, tr.limited(scenario), tolerant), winding, guess)
 
 
-def refine(scenario: Scenario, rough: Shot, *, nodes: int = NODES, tolerant: bool = False) -> Shot:
-    """Solve on the full grid from the flight that `explore` found; what did not converge is returned as it is."""
+def solve_fine(
+    scenario: Scenario, rough: ShootingSolution, *, nodes: int = NODES, tolerant: bool = False
+) -> ShootingSolution:
+    """Solve on the full grid from the flight that `solve_coarse` found; what did not converge is returned as it is."""
     if not rough.converged:
         return rough
     steps = phase_steps(scenario, nodes)
-    guess = refined(rough.trajectory, coarse_steps(scenario, nodes), steps)
-    fine = attempt(scenario, Shape(steps, tr.limited(scenario), tolerant), rough.winding, guess, warm=True)
+    guess = upsampled_guess(rough.trajectory, coarse_steps(scenario, nodes), steps)
+    fine = solve_from(scenario, Shape(steps, tr.limited(scenario), tolerant), rough.winding, guess, warm=True)
     return replace(fine, iterations=rough.iterations + fine.iterations)
 
 
-def shoot(
+def solve_winding(
     scenario: Scenario,
     winding: int = 0,
     *,
     nodes: int = NODES,
     tolerant: bool = False,
     generator: np.random.Generator | None = None,
-) -> Shot:
+) -> ShootingSolution:
     """Solve one winding of a scenario from one start.
 
     Args:
@@ -123,5 +125,5 @@ def shoot(
         tolerant: end anywhere within the scenario's tolerance instead of exactly at rest.
         generator: draws a random start; None takes the plain one.
     """
-    rough = explore(scenario, winding, nodes=nodes, tolerant=tolerant, generator=generator)
-    return refine(scenario, rough, nodes=nodes, tolerant=tolerant)
+    rough = solve_coarse(scenario, winding, nodes=nodes, tolerant=tolerant, generator=generator)
+    return solve_fine(scenario, rough, nodes=nodes, tolerant=tolerant)

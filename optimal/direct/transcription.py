@@ -7,7 +7,6 @@ unknowns, tied by X[k+1] = step(X[k], U[k], h), where `step` is the closed form 
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 from typing import Any
 
@@ -17,22 +16,6 @@ import numpy as np
 from flatgym.quadrotor import Array, exact_step
 from flatgym.scenarios.scenario import Scenario
 from optimal.flights.trajectory import Flight
-
-IPOPT: dict[str, Any] = {
-    "ipopt.tol": 1e-9,
-    "ipopt.constr_viol_tol": 1e-10,
-    "ipopt.acceptable_iter": 0,
-    "ipopt.bound_relax_factor": 0.0,
-    "ipopt.max_iter": 500,
-    "ipopt.print_level": 0,
-    "ipopt.sb": "yes",
-    "print_time": False,
-    "error_on_fail": False,
-}
-"""Settings of every program: no relaxed bounds, so that a solution keeps the limits to the bit."""
-
-SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
-
 
 RIM_POINTS = 4
 """Points of an arc at which the distance to a rim is constrained."""
@@ -52,24 +35,6 @@ def step_function() -> Any:
     state, control, h, gravity = ca.SX.sym("state", 5), ca.SX.sym("control", 2), ca.SX.sym("h"), ca.SX.sym("g")
     after = exact_step(ca.vertsplit(state), ca.vertsplit(control), h, gravity, _Symbols)
     return ca.Function("step", [state, control, h, gravity], [ca.vertcat(*after)])
-
-
-def gaps(states: Any, controls: Any, h: Any, gravity: Any) -> Any:
-    """Return X[k+1] - step(X[k], U[k], h[k]) as one column, for states (5, N+1), controls (2, N), h (1, N)."""
-    count = controls.shape[1]
-    after = step_function().map(count)(states[:, :-1], controls, h, ca.repmat(gravity, 1, count))
-    return ca.vec(states[:, 1:] - after)
-
-
-def heights(states: Any, h: Any) -> Any:
-    """Return the heights of the inner control points of each arc's cubic, shape (2 N,).
-
-    Where these and the nodes keep a height limit, so does the cubic with the arc's end heights and
-    end velocities, being their convex combination; it differs from the arc by at most
-    thrust_max rate_max^2 h^4 / 384 (1e-7 m at h = 0.012 s).
-    """
-    z, vz = states[1, :], states[3, :]
-    return ca.vec(ca.vertcat(z[:, :-1] + vz[:, :-1] * h / 3, z[:, 1:] - vz[:, 1:] * h / 3))
 
 
 def crossing(state: Any, hoop: Any) -> Any:
@@ -107,7 +72,7 @@ def hoop_parameters(scenario: Scenario) -> Array:
 
 def crossing_limits(scenario: Scenario, margin: float = 0.0) -> tuple[Array, Array]:
     """Return least and greatest values of `crossing`, `margin` metres inside the gaps, each shape (3 H,)."""
-    half = [hoop.diameter / 2 - scenario.quadrotor.radius - margin for hoop in scenario.hoops]
+    half = [hoop.half_gap(scenario.quadrotor.radius) - margin for hoop in scenario.hoops]
     low, high = [[0.0, -gap, 0.0] for gap in half], [[0.0, gap, np.inf] for gap in half]
     return np.ravel(low), np.ravel(high)
 
@@ -115,17 +80,9 @@ def crossing_limits(scenario: Scenario, margin: float = 0.0) -> tuple[Array, Arr
 def state_limits(scenario: Scenario, nodes: int) -> tuple[Array, Array]:
     """Return least and greatest states at the nodes, shape (5, nodes): start fixed, heights kept, the rest free."""
     low, high = np.full((5, nodes), -np.inf), np.full((5, nodes), np.inf)
-    low[1], high[1] = height_limits(scenario)
+    low[1], high[1] = scenario.heights
     low[:, 0] = high[:, 0] = scenario.start_state
     return low, high
-
-
-def height_limits(scenario: Scenario) -> tuple[float, float]:
-    """Return floor and ceiling [m], infinite where there is none."""
-    return (
-        -math.inf if scenario.floor is None else scenario.floor,
-        math.inf if scenario.ceiling is None else scenario.ceiling,
-    )
 
 
 def limited(scenario: Scenario) -> bool:
@@ -141,9 +98,7 @@ def legs(scenario: Scenario) -> tuple[Array, Array]:
 
 def rim_parameters(scenario: Scenario) -> Array:
     """Return both rim points [x, z, x, z] of each hoop [m], shape (4, H)."""
-    halves = [hoop.diameter / 2 * hoop.across for hoop in scenario.hoops]
-    ends = [[*(hoop.centre - half), *(hoop.centre + half)] for hoop, half in zip(scenario.hoops, halves, strict=True)]
-    return np.array(ends).reshape(-1, 4).T
+    return np.array([hoop.rims.ravel() for hoop in scenario.hoops]).reshape(-1, 4).T
 
 
 def rim_distances(arc: Any, gravity: Any, rims: Any) -> Any:

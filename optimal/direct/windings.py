@@ -24,7 +24,7 @@ import numpy as np
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
-from optimal.direct.shooting import Shot
+from optimal.direct.shooting import ShootingSolution
 
 STEPS = 40
 """Steps of the dynamic programme."""
@@ -34,7 +34,7 @@ SLACK = 3e-3
 """How much more time than the fastest flight a winding is granted before it is left out, relatively."""
 
 
-def hopeless(scenario: Scenario, shot: Shot, duration: float, windings: Iterable[int]) -> set[int]:
+def pruned_windings(scenario: Scenario, shot: ShootingSolution, duration: float, windings: Iterable[int]) -> set[int]:
     """Return which windings seem to allow no flight as fast as `duration`.
 
     Args:
@@ -52,7 +52,7 @@ def hopeless(scenario: Scenario, shot: Shot, duration: float, windings: Iterable
     return {winding for winding in windings if values[len(values) // 2 + winding * ANGLES] < needed}
 
 
-def line(shot: Shot, time: float) -> tuple[Array, Array]:
+def line(shot: ShootingSolution, time: float) -> tuple[Array, Array]:
     """Return q at the start and its slope from a flight's costates, stretched to `time`, each shape (2,)."""
     slope = -shot.costates[0, 0:2]
     start = shot.costates[0, 2:4] - slope * shot.trajectory.breakpoints[1]

@@ -20,15 +20,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flatgym import task
 from flatgym.quadrotor import Array
 from flatgym.scenarios.catalogue import ScenarioLike, scenario
 from flatgym.scenarios.scenario import Scenario
-from flatgym.task.scene import FLYING, GOAL, Scene, Situation
+from flatgym.task.rollout import replay_to_goal
 from optimal.direct import transcription as tr
-from optimal.direct.feasibility import impossible, too_far
-from optimal.direct.multistart import kinds, survey
-from optimal.direct.shooting import WINDINGS, Shot
+from optimal.direct.feasibility import beyond_horizon, impossible
+from optimal.direct.multistart import coarse_multistart, distinct_optima
+from optimal.direct.shooting import WINDINGS, ShootingSolution
 from optimal.discrete import program
 from optimal.flights.projection_bound import projection_bound
 from optimal.flights.replay import crossing_times
@@ -83,7 +82,7 @@ class FewestSteps:
         return self.lower_bound >= self.steps
 
 
-class Found(NamedTuple):
+class StepSolution(NamedTuple):
     """A flight that was replayed: actions (K, 2), states (K+1, 5), winding, tolerance used."""
 
     actions: NDArray[np.float32]
@@ -97,7 +96,7 @@ def fewest_steps(
     *,
     windings: Sequence[int] = WINDINGS,
     time_budget: float = TIME_BUDGET,
-    throw: bool = True,
+    raise_on_failure: bool = True,
 ) -> FewestSteps:
     """Return the fewest environment steps in which a flight of the scenario is found.
 
@@ -105,7 +104,7 @@ def fewest_steps(
         problem: a scenario or its name.
         windings: whole turns to try.
         time_budget: when to stop proving that fewer steps are impossible [s]; 0 leaves the bound of thrust alone.
-        throw: raise SolveFailed rather than return a result without a flight.
+        raise_on_failure: raise SolveFailed rather than return a result without a flight.
 
     Raises:
         SolveFailed: with the problem and the result, when no flight was found.
@@ -115,8 +114,12 @@ def fewest_steps(
         raise ValueError(f"time_budget must be at least 0 s, got {time_budget!r}")
     target = scenario(problem)
     bound = math.ceil(projection_bound(target, target.tolerance) / target.dt - 1e-9)
-    reason = impossible(target) or too_far(target)
-    shots = [] if reason else [kind[0] for kind in kinds(survey(target, windings, starts=STARTS, slack=COARSE))]
+    reason = impossible(target) or beyond_horizon(target)
+    shots = (
+        []
+        if reason
+        else [kind[0] for kind in distinct_optima(coarse_multistart(target, windings, starts=STARTS, slack=COARSE))]
+    )
     found = search_steps(target, shots, bound)
     if found is not None:
         steps, reason = len(found.actions), ""
@@ -131,12 +134,14 @@ def fewest_steps(
         reason = f"The fastest flight found takes about {expected(target, shots[0]):.4g} s of {target.time_limit:g} s."
     nothing = np.zeros((0, 2), np.float32)
     result = FewestSteps(target, math.inf, nothing, np.zeros((0, 5)), 0, math.inf, bound, status, reason)
-    if throw:
+    if raise_on_failure:
         raise SolveFailed(target, result)
     return result
 
 
-def _proven_bound(target: Scenario, shot: Shot, steps: int, bound: int, time_budget: float) -> tuple[int, str]:
+def _proven_bound(
+    target: Scenario, shot: ShootingSolution, steps: int, bound: int, time_budget: float
+) -> tuple[int, str]:
     """Return fewer steps than what are impossible, and how the proof ended."""
     # Here, because it leans on numba, which takes longer to import than all the rest.
     from optimal.proof.lower_bound import least_steps, prove_steps
@@ -152,14 +157,14 @@ def _too_late(target: Scenario, bound: int) -> str:
     )
 
 
-def expected(target: Scenario, shot: Shot) -> float:
+def expected(target: Scenario, shot: ShootingSolution) -> float:
     """Return about how long a flight like `shot` takes when it may end anywhere within the tolerance [s]."""
     costate, tolerance = shot.costates[-1], target.tolerance
     shares = [np.hypot(*costate[0:2]), np.hypot(*costate[2:4]), abs(costate[4])]
     return shot.trajectory.duration - float(np.dot(shares, [tolerance.position, tolerance.speed, tolerance.angle]))
 
 
-def search_steps(target: Scenario, shots: Sequence[Shot], bound: int) -> Found | None:
+def search_steps(target: Scenario, shots: Sequence[ShootingSolution], bound: int) -> StepSolution | None:
     """Return the flight in the fewest steps that is found near free-time ones; None where there is none.
 
     Args:
@@ -167,37 +172,37 @@ def search_steps(target: Scenario, shots: Sequence[Shot], bound: int) -> Found |
         shots: flights from rest to rest, the fastest first.
         bound: fewer steps than this are impossible.
     """
-    best: Found | None = None
+    best: StepSolution | None = None
     for shot in shots:
         least = max(bound, math.ceil(expected(target, shot) * (1 - COARSE) / target.dt))
         first = max(bound, math.ceil(expected(target, shot) / target.dt))
         count = min(first, target.max_steps if best is None else len(best.actions) - 1)
         if count < least:
             continue
-        found = fly_in(target, shot.trajectory, shot.winding, count)
+        found = solve_in_steps(target, shot.trajectory, shot.winding, count)
         while found is None and best is None and count < min(first + EXTRA_STEPS, target.max_steps):
             count += 1
-            found = fly_in(target, shot.trajectory, shot.winding, count)
+            found = solve_in_steps(target, shot.trajectory, shot.winding, count)
         while found is not None:
             best = found
             found = one_step_less(target, shot, best) if len(best.actions) > bound else None
     return best
 
 
-def one_step_less(target: Scenario, shot: Shot, best: Found) -> Found | None:
+def one_step_less(target: Scenario, shot: ShootingSolution, best: StepSolution) -> StepSolution | None:
     """Return a flight of at least one step less than the best; with hoops, a second start is the best flight itself.
 
     Without hoops a second start would be in vain: all led to the same m.
     """
     count = len(best.actions) - 1
-    found = fly_in(target, shot.trajectory, shot.winding, count)
+    found = solve_in_steps(target, shot.trajectory, shot.winding, count)
     if found is not None or not target.hoops:
         return found
     time, controls = target.dt * np.arange(count + 2.0), target.quadrotor.control(best.actions)
-    return fly_in(target, Trajectory(time, best.states, controls, target.quadrotor), best.winding, count)
+    return solve_in_steps(target, Trajectory(time, best.states, controls, target.quadrotor), best.winding, count)
 
 
-def fly_in(target: Scenario, flight: Trajectory, winding: int, count: int) -> Found | None:
+def solve_in_steps(target: Scenario, flight: Trajectory, winding: int, count: int) -> StepSolution | None:
     """Return a flight of at most `count` steps near another one, flown in the environment; None if none is found.
 
     Hoops are crossed in the same steps as in that flight, then in those to which the solution presses.
@@ -213,9 +218,9 @@ def fly_in(target: Scenario, flight: Trajectory, winding: int, count: int) -> Fo
         flown = program.fly(target, shape, winding, guess, margins[0])
         if flown.m <= 1 - ARRIVAL_MARGIN:
             actions = np.clip(target.quadrotor.action(flown.controls), -1, 1).astype(np.float32)
-            states = replay(target, actions)
+            states = replay_to_goal(target, actions)
             if states is not None:
-                return Found(actions[: len(states) - 1], states, winding, math.sqrt(max(flown.m, 0.0)))
+                return StepSolution(actions[: len(states) - 1], states, winding, math.sqrt(max(flown.m, 0.0)))
             if len(margins) > 1:  # touched a rim between two points looked at
                 margins.pop(0)
                 tried.discard(crossings)
@@ -233,44 +238,3 @@ def crossing_steps(target: Scenario, flight: Trajectory, count: int) -> tuple[in
     """Return the steps in which a flight, flown in `count` steps, crosses the hoops; fewer where it never meets one."""
     times = crossing_times(flight, target) if target.hoops else np.zeros(0)
     return tuple(int(j) for j in np.clip(np.floor(times / flight.duration * count), 0, count - 1))
-
-
-def replay(target: Scenario, actions: NDArray[np.float32]) -> Array | None:
-    """Fly actions (K, 2) by the environment's own verbs; return the states up to the goal, None if it is missed."""
-    states = flown_states(target, actions)
-    after = judged(target, states, actions)
-    ends = np.flatnonzero(after.outcome != FLYING)
-    if not ends.size or after.outcome[ends[0]] != GOAL:
-        return None
-    return states[: ends[0] + 2]
-
-
-def judged(target: Scenario, states: Array, actions: NDArray[np.float32], hoops_passed: int = 0) -> Situation:
-    """Return how a flight along states (K+1, 5) under actions (K, 2) stands after each of its K steps.
-
-    All steps are judged at once. What each knows of those before is how many hoops are passed, and that is settled
-    after as many rounds as there are hoops, as the first hoop is passed whatever comes later, and so on.
-    """
-    count = len(actions)
-    scene, controls, nothing = Scene.of([target] * count), target.quadrotor.control(actions), np.zeros(count, np.int64)
-    passed, settled = nothing + hoops_passed, False
-    while not settled:
-        after = task.advance(scene, Situation(states[:-1], np.arange(count), passed, nothing), controls)
-        known = np.maximum.accumulate(np.append(hoops_passed, after.hoops_passed[:-1]))
-        passed, settled = known, bool((known == passed).all())
-    return after
-
-
-def flown_states(target: Scenario, actions: NDArray[np.float32]) -> Array:
-    """Return the states to which actions (K, 2) lead from the start, shape (K+1, 5).
-
-    Each step is flown from zero position and velocity; as these enter the equations linearly, the steps add up.
-    """
-    controls, still = target.quadrotor.control(actions), np.zeros((len(actions), 5))
-    start = target.start_state
-    theta = start[4] + np.append(0.0, np.cumsum(controls[:, 1] * target.dt))
-    still[:, 4] = theta[:-1]
-    change = target.quadrotor.step(still, controls, target.dt)
-    velocity = start[2:4] + np.append(np.zeros((1, 2)), np.cumsum(change[:, 2:4], axis=0), axis=0)
-    way = np.append(np.zeros((1, 2)), np.cumsum(velocity[:-1] * target.dt + change[:, 0:2], axis=0), axis=0)
-    return np.column_stack([way + start[:2], velocity, theta])

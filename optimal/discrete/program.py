@@ -146,9 +146,9 @@ def _limits(target: Scenario, kind: str, hoop: int, clearance: float) -> Array:
     """Return least and greatest values of one of the `constraints`, shape (2, rows)."""
     rows = ROWS[kind]
     if kind in ("rise", "fall"):
-        return np.array(tr.height_limits(target))[:, None]
+        return np.array(target.heights)[:, None]
     if kind == "crossing":
-        gap = target.hoops[hoop].diameter / 2 - target.quadrotor.radius - HOOP_MARGIN
+        gap = target.hoops[hoop].half_gap(target.quadrotor.radius) - HOOP_MARGIN
         return np.array([[-np.inf, 0.0, -gap, 0.0], [0.0, np.inf, gap, np.inf]])
     if kind == "rims":
         return np.array([np.full(rows, (target.quadrotor.radius + clearance) ** 2), np.full(rows, np.inf)])

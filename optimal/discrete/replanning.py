@@ -17,7 +17,7 @@ import numpy as np
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
-from optimal.discrete.fewest_steps import FewestSteps, Found, fly_in
+from optimal.discrete.fewest_steps import FewestSteps, StepSolution, solve_in_steps
 from optimal.flights.trajectory import Trajectory
 
 STRIDES = (0, 1, 1, 2, 4, 8)
@@ -28,7 +28,7 @@ the tolerance, and none was ever found there."""
 
 
 @dataclass(frozen=True)
-class Underway(Scenario):
+class RemainingTask(Scenario):
     """A scenario joined in flight, with the hoops still to pass.
 
     Attributes:
@@ -38,7 +38,7 @@ class Underway(Scenario):
     state: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     @classmethod
-    def of(cls, scenario: Scenario, state: Array, hoops_passed: int = 0) -> Underway:
+    def of(cls, scenario: Scenario, state: Array, hoops_passed: int = 0) -> RemainingTask:
         """Return what is left of a scenario at a state (5,) with so many hoops passed."""
         values = {field.name: getattr(scenario, field.name) for field in fields(Scenario)}
         if hoops_passed:  # the flight departs from the last of them
@@ -52,14 +52,16 @@ class Underway(Scenario):
         return np.array(self.state)
 
 
-def rest(flight: FewestSteps | Found, step: int, scenario: Scenario) -> Trajectory:
+def rest(flight: FewestSteps | StepSolution, step: int, scenario: Scenario) -> Trajectory:
     """Return what a flight of a scenario flies after so many steps; of one that is over, its last step."""
     step = min(step, len(flight.actions) - 1)
     controls = scenario.quadrotor.control(flight.actions[step:])
     return Trajectory(scenario.dt * np.arange(len(controls) + 1.0), flight.states[step:], controls, scenario.quadrotor)
 
 
-def replan(task: Underway, like: Trajectory, winding: int, strides: Sequence[int] = STRIDES) -> Found | None:
+def replan(
+    task: RemainingTask, like: Trajectory, winding: int, strides: Sequence[int] = STRIDES
+) -> StepSolution | None:
     """Return the flight in the fewest steps found near another one, from where the task stands; None if none is found.
 
     Args:
@@ -71,12 +73,12 @@ def replan(task: Underway, like: Trajectory, winding: int, strides: Sequence[int
     count, found = max(len(like.controls), 1), None
     for stride in strides:
         count = min(count + stride, task.max_steps)
-        found = fly_in(task, like, winding, count)
+        found = solve_in_steps(task, like, winding, count)
         if found is not None:
             break
     best = found
     while found is not None:
         best = found
         sooner = best.tolerance_used <= NEAR and len(best.actions) > 1
-        found = fly_in(task, like, winding, len(best.actions) - 1) if sooner else None
+        found = solve_in_steps(task, like, winding, len(best.actions) - 1) if sooner else None
     return best

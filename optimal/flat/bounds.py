@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from functools import reduce
 from operator import add
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -27,15 +27,32 @@ from optimal.flat.bernstein import Pieces, constant, maximum, taylor
 from optimal.paths.chain_rule import composed
 from optimal.paths.curves import BezierPath, BSplinePath, Path, PolynomialPath, Resting, smoothstep
 
-if TYPE_CHECKING:
-    from optimal.flat.trajectory import FlatTrajectory
-
 JUMP = 1e-9
 """How far the thrust vectors of two pieces that meet may be apart, relative to their length: rounding's share."""
 UNKNOWN = np.array([[-math.inf, -math.inf], [math.inf, math.inf]])
 
 
-def control_range(flight: FlatTrajectory, gravity: float) -> Array:
+class FlatMotion(Protocol):
+    """What the bounds are computed from; `optimal.flat.trajectory.FlatTrajectory` has it."""
+
+    @property
+    def outer_paths(self) -> tuple[Path, ...]:
+        """The k paths y_i(s), s from 0 to 1."""
+
+    @property
+    def nodes(self) -> Array:
+        """Path coordinates between which everything is smooth, from 0 to 1, shape (N + 1,)."""
+
+    @property
+    def weights(self) -> BSpline:
+        """The first k - 1 weights p_i(s), a spline of shape (..., k - 1)."""
+
+    @property
+    def squared_speed(self) -> BSpline:
+        """b(s) [1/s^2], a spline."""
+
+
+def control_range(flight: FlatMotion, gravity: float) -> Array:
     """Return least and greatest [thrust, rate] of a motion in the plane, proven, shape (2, 2); infinite if not shown.
 
     Args:
@@ -62,7 +79,7 @@ def control_range(flight: FlatTrajectory, gravity: float) -> Array:
     return np.array([[_root(-maximum(-square)), -rate], [_root(maximum(square)), rate]])
 
 
-def farthest(flight: FlatTrajectory, direction: Array) -> float:
+def support_bound(flight: FlatMotion, direction: Array) -> float:
     """Return a proven upper bound of y . direction over a motion [m]; inf if not shown."""
     if (ends := knots(flight)) is None:
         return math.inf
@@ -70,7 +87,7 @@ def farthest(flight: FlatTrajectory, direction: Array) -> float:
     return maximum(x * float(direction[0]) + z * float(direction[1]))
 
 
-def nearest(flight: FlatTrajectory, point: Array) -> float:
+def distance_bound(flight: FlatMotion, point: Array) -> float:
     """Return a proven lower bound of |y - point| over a motion [m]; 0 if not shown."""
     if (ends := knots(flight)) is None:
         return 0.0
@@ -90,7 +107,7 @@ def _meet(ahead: list[Pieces]) -> bool:
     return bool((np.hypot(*jumps) <= JUMP * length).all())
 
 
-def knots(flight: FlatTrajectory) -> Array | None:
+def knots(flight: FlatMotion) -> Array | None:
     """Return the coordinates between which everything is a polynomial; None where a path is not made of such."""
     found = [_path_knots(path) for path in flight.outer_paths]
     if any(k is None for k in found):
@@ -127,7 +144,7 @@ def _degree(path: Path) -> int:
     raise TypeError(f"a {type(path).__name__} is not known to be made of polynomials")
 
 
-def path_pieces(flight: FlatTrajectory, begin: Array, width: Array, order: int = 3) -> list[list[Pieces]]:
+def path_pieces(flight: FlatMotion, begin: Array, width: Array, order: int = 3) -> list[list[Pieces]]:
     """Return y and its derivatives with respect to s, up to an order, each as a list of coordinates."""
     orders = range(order + 1)
     last = [outer_pieces(flight.outer_paths[-1], k, begin, width) for k in orders]

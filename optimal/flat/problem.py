@@ -37,7 +37,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Reach:
+class TrustRegion:
     """How far the unknowns of a program may move from its start.
 
     A program started from a solution has others around, some of which turn over between two checks;
@@ -53,13 +53,13 @@ class Reach:
     speed: float
     attitude: float
 
-    def times(self, factor: float) -> Reach:
+    def times(self, factor: float) -> TrustRegion:
         """Return the reach, scaled."""
-        return Reach(self.weights * factor, self.speed * factor, self.attitude * factor)
+        return TrustRegion(self.weights * factor, self.speed * factor, self.attitude * factor)
 
 
-FREE, PATH_HELD = Reach(math.inf, math.inf, math.inf), Reach(0.0, math.inf, math.inf)
-NEAR, CLOSE = Reach(0.1, 0.5, 0.5), Reach(0.02, 0.1, 0.1)
+FREE, PATH_HELD = TrustRegion(math.inf, math.inf, math.inf), TrustRegion(0.0, math.inf, math.inf)
+NEAR, CLOSE = TrustRegion(0.1, 0.5, 0.5), TrustRegion(0.02, 0.1, 0.1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,12 +23,11 @@ import casadi as ca
 import numpy as np
 
 from flatgym.quadrotor import Array
-from optimal.direct.transcription import SUCCESS
 from optimal.flat.problem import (
     FREE,
     Iterate,
     Problem,
-    Reach,
+    TrustRegion,
     check_points,
     checks_per_interval,
     local_sizes,
@@ -41,6 +40,8 @@ from optimal.systems import FlatSystem, along_path
 SLOWEST = 1e-3
 """The least b allowed [1/s^2]."""
 QUADRATURE = np.polynomial.legendre.leggauss(3)
+SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+"""Outcomes of Ipopt that count as converged."""
 USABLE = (*SUCCESS, "Maximum_Iterations_Exceeded", "Search_Direction_Becomes_Too_Small")
 """Outcomes of Ipopt worth going on with: what is called solved is measured afterwards."""
 IPOPT = {
@@ -221,7 +222,9 @@ def _bounds(problem: Problem, nodes: Array, margins: Array) -> dict[str, Any]:
     }
 
 
-def _keep_near(bounds: dict[str, Any], guess: Array, problem: Problem, start: Iterate, reach: Reach) -> None:
+def _apply_trust_region(
+    bounds: dict[str, Any], guess: Array, problem: Problem, start: Iterate, reach: TrustRegion
+) -> None:
     """Narrow the bounds of the unknowns to `reach` around the start, in place; pinned ones stay pinned."""
     lift = problem.system.lift()
     free = np.isinf(np.array(lift.low)) & np.isinf(np.array(lift.high))
@@ -233,7 +236,7 @@ def _keep_near(bounds: dict[str, Any], guess: Array, problem: Problem, start: It
     bounds["ubx"] = np.clip(guess + distance, low, high)
 
 
-def solve_program(problem: Problem, start: Iterate, margins: Array | None = None, reach: Reach = FREE) -> Iterate:
+def solve_program(problem: Problem, start: Iterate, margins: Array | None = None, reach: TrustRegion = FREE) -> Iterate:
     """Return what Ipopt makes of a start, on the start's grid.
 
     Args:
@@ -252,7 +255,7 @@ def solve_program(problem: Problem, start: Iterate, margins: Array | None = None
     solver = _program(problem.system, paths, len(nodes) - 1, problem.certified)
     guess = np.concatenate([start.weights.ravel(), start.squared_speed, start.lifted.ravel()])
     bounds = _bounds(problem, nodes, margins)
-    _keep_near(bounds, guess, problem, start, reach)
+    _apply_trust_region(bounds, guess, problem, start, reach)
     if start.multipliers is not None:
         bounds |= zip(("lam_x0", "lam_g0"), start.multipliers, strict=True)
     found = solver(x0=guess, p=_parameters(problem, tuple(nodes.tolist())), **bounds)

@@ -17,9 +17,8 @@ from heapq import heapify, heappush, heapreplace
 import numpy as np
 
 from flatgym.quadrotor import Array
-from optimal.direct.transcription import SUCCESS
 from optimal.flat.problem import CLOSE, NEAR, PATH_HELD, Iterate, Problem, shared_points, spaces
-from optimal.flat.program import SLOWEST, USABLE, solve_program
+from optimal.flat.program import SLOWEST, SUCCESS, USABLE, solve_program
 from optimal.flat.trajectory import FlatTrajectory
 
 INTERVALS, FINER = 32, 2
@@ -84,7 +83,7 @@ def optimise(problem: Problem, intervals: int) -> FlatSolution:
     for reach in (NEAR, CLOSE, CLOSE):
         if flight is not None:
             break
-        finer = solve_program(problem, _regridded(problem, iterate, FINER * intervals), reach=reach)
+        finer = solve_program(problem, _refine_mesh(problem, iterate, FINER * intervals), reach=reach)
         if finer.outcome in USABLE:
             iterate, flight = _certified(problem, finer)
     if flight is not None:
@@ -149,7 +148,7 @@ def motion(problem: Problem, iterate: Iterate) -> FlatTrajectory:
     )
 
 
-def _regridded(problem: Problem, iterate: Iterate, intervals: int) -> Iterate:
+def _refine_mesh(problem: Problem, iterate: Iterate, intervals: int) -> Iterate:
     """Return the same motion on more intervals, halving again and again the one that exceeds or wastes most.
 
     A quantity that varies within an interval is not at its limit all along; the time this may cost is

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
 
-from flatgym.quadrotor import Array, Quadrotor
-from optimal.flat.bounds import UNKNOWN, control_range, farthest, nearest
+from flatgym.quadrotor import Array, Quadrotor, nearest_turn
+from optimal.flat.bounds import UNKNOWN, control_range, distance_bound, support_bound
 from optimal.flights.trajectory import Samples, sample
 from optimal.paths.curves import Path
 from optimal.systems import FlatSystem, PlanarQuadrotor, along_path
@@ -167,7 +167,7 @@ class FlatTrajectory:
         state, _ = self.system.state_and_input(self.jet(self.path_coordinate(t)))
         for i, (times, angle) in self._followed.items():
             near = np.interp(np.asarray(t, dtype=np.float64), times, angle)
-            state[..., i] += 2 * np.pi * np.round((near - state[..., i]) / (2 * np.pi))
+            state[..., i] = nearest_turn(state[..., i], near)
         return state
 
     def control(self, t: ArrayLike) -> Array:
@@ -229,13 +229,13 @@ class FlatTrajectory:
             return UNKNOWN
         return control_range(self, self.system.quadrotor.gravity)
 
-    def farthest(self, direction: Array) -> float:
+    def support_bound(self, direction: Array) -> float:
         """Return a proven upper bound of position . direction [m]; inf where nothing is shown."""
-        return farthest(self, direction)
+        return support_bound(self, direction)
 
-    def nearest(self, point: Array) -> float:
+    def distance_bound(self, point: Array) -> float:
         """Return a proven lower bound of the distance to a point [m]; 0 where nothing is shown."""
-        return nearest(self, point)
+        return distance_bound(self, point)
 
     def violation(self) -> float:
         """Return the largest overstepping of a limit relative to its scale, at least 0."""

@@ -7,8 +7,8 @@ ceiling. The replay is itself a flight of held controls, known in closed form, s
 said of its controls and its path is a bound at every instant (`flatgym.arc`), not a sample.
 
 What the flight itself does between two instants is shown in one of three ways. Held controls are
-their own bounds. A `Ranged` flight (singular arcs: `optimal.indirect.pontryagin`) proves bounds of its controls; the
-paths of both are their replays'. A `Bounded` flight, which may be further from its replay
+their own bounds. A `BoundsControls` flight (singular arcs: `optimal.indirect.pontryagin`) proves bounds of its controls; the
+paths of both are their replays'. A `BoundsPath` flight, which may be further from its replay
 than from a limit it touches, proves bounds of its own controls and path (flat motions:
 `optimal.flat.bounds`), and the replay only that they belong together. Of any other flight nothing is
 known, and its controls are unbounded. What could not be shown is inf, never 0.
@@ -31,11 +31,10 @@ from optimal.flights.replay import (
     TURN,
     drift,
     fine_grid,
-    fly_again,
     hoop_crossings,
     path_violation,
+    replay_controls,
     rest_error,
-    rim_points,
 )
 from optimal.flights.trajectory import Flight, Trajectory
 
@@ -49,7 +48,7 @@ control held over the interval, and the error falls with the square of their num
 
 
 @runtime_checkable
-class Ranged(Protocol):
+class BoundsControls(Protocol):
     """A flight that proves bounds of its controls in continuous time."""
 
     def control_range(self) -> Array:
@@ -57,13 +56,13 @@ class Ranged(Protocol):
 
 
 @runtime_checkable
-class Bounded(Ranged, Protocol):
+class BoundsPath(BoundsControls, Protocol):
     """A flight that proves bounds of its controls and of its path in continuous time."""
 
-    def farthest(self, direction: Array) -> float:
+    def support_bound(self, direction: Array) -> float:
         """Return an upper bound of position . direction [m]; inf where nothing is shown."""
 
-    def nearest(self, point: Array) -> float:
+    def distance_bound(self, point: Array) -> float:
         """Return a lower bound of the distance to a point [m]; 0 where nothing is shown."""
 
 
@@ -75,7 +74,7 @@ class Certificate:
         max_control_violation: largest excess of thrust or rate over its limits, relative to the
             upper limit, in continuous time, of the flight and of its replay.
         max_path_violation: largest depth below the floor, above the ceiling, or of the body in the rim of
-            a hoop, in continuous time [m], of the flight where it is `Bounded`, else of its replay.
+            a hoop, in continuous time [m], of the flight where it is `BoundsPath`, else of its replay.
         replay_error: largest difference between the flight's states and its controls flown again
             through `Quadrotor.step` [m, m/s, rad].
         terminal_error: largest difference of the replay's last state from rest at the goal, theta
@@ -132,7 +131,7 @@ def certify(flight: Flight | None, scenario: Scenario) -> Certificate:
     while True:
         time = fine_grid(flight.breakpoints, parts)
         states = flight.state(time)
-        replay, arcs = fly_again(flight, scenario.quadrotor, scenario.start_state, time, states)
+        replay, arcs = replay_controls(flight, scenario.quadrotor, scenario.start_state, time, states)
         if not (np.isfinite(states).all() and np.isfinite(replay).all()):
             return Certificate(lower_bound=bound)
         ends = np.append(0, np.cumsum(parts))
@@ -146,7 +145,9 @@ def certify(flight: Flight | None, scenario: Scenario) -> Certificate:
     return Certificate(
         max_control_violation=control_violation(flight, arcs, scenario),
         max_path_violation=(
-            told_path_violation(flight, scenario) if isinstance(flight, Bounded) else path_violation(arcs, scenario)
+            claimed_path_violation(flight, scenario)
+            if isinstance(flight, BoundsPath)
+            else path_violation(arcs, scenario)
         ),
         replay_error=float(np.abs(replay - states).max()),
         terminal_error=max(
@@ -173,40 +174,40 @@ def control_range(flight: Flight) -> Array:
     Only a flight whose class is known, or that proves them itself, has any: what answers like a
     `Trajectory` may still do something else between two breakpoints.
     """
-    if isinstance(flight, Ranged):
+    if isinstance(flight, BoundsControls):
         return flight.control_range()
     if type(flight) is Trajectory:
         return np.array([flight.controls.min(axis=0), flight.controls.max(axis=0)])
     return np.array([[-math.inf] * 2, [math.inf] * 2])
 
 
-def told_path_violation(flight: Bounded, scenario: Scenario) -> float:
+def claimed_path_violation(flight: BoundsPath, scenario: Scenario) -> float:
     """Return what `path_violation` does, of the path that a flight tells [m]."""
     depth, up, radius = 0.0, np.array([0.0, 1.0]), scenario.quadrotor.radius
     if scenario.floor is not None:
-        depth = max(depth, scenario.floor + flight.farthest(-up))
+        depth = max(depth, scenario.floor + flight.support_bound(-up))
     if scenario.ceiling is not None:
-        depth = max(depth, flight.farthest(up) - scenario.ceiling)
-    rims = [rim for hoop in scenario.hoops for rim in rim_points(hoop)] if radius > 0 else []
-    return max([depth, *(radius - flight.nearest(rim) for rim in rims)])
+        depth = max(depth, flight.support_bound(up) - scenario.ceiling)
+    rims = [rim for hoop in scenario.hoops for rim in hoop.rims] if radius > 0 else []
+    return max([depth, *(radius - flight.distance_bound(rim) for rim in rims)])
 
 
 def hoop_clearance(flight: Flight, arcs: Arc, scenario: Scenario) -> float:
     """Return the least clearance of all hoops [m]; -inf where one is never crossed, inf where there is none.
 
-    A `Bounded` flight is looked at itself, at the instant close to the replay's crossing when it meets the
+    A `BoundsPath` flight is looked at itself, at the instant close to the replay's crossing when it meets the
     line; other flights are their replay.
     """
     crossings = hoop_crossings(arcs, scenario)
     if len(crossings) < len(scenario.hoops):
         return -math.inf
-    if isinstance(flight, Bounded):
+    if isinstance(flight, BoundsPath):
         told = zip(scenario.hoops, crossings, strict=True)
-        return min((told_clearance(flight, scenario, hoop, time) for hoop, (time, _) in told), default=math.inf)
+        return min((claimed_clearance(flight, scenario, hoop, time) for hoop, (time, _) in told), default=math.inf)
     return min((clearance for _, clearance in crossings), default=math.inf)
 
 
-def told_clearance(flight: Flight, scenario: Scenario, hoop: Hoop, time: float) -> float:
+def claimed_clearance(flight: Flight, scenario: Scenario, hoop: Hoop, time: float) -> float:
     """Return the clearance with which a flight passes a hoop's line close to a time [m]; -inf where it does not."""
     for _ in range(NEWTON_STEPS):
         offset, velocity = flight(time) - hoop.centre, flight(time, 1)
@@ -214,6 +215,6 @@ def told_clearance(flight: Flight, scenario: Scenario, hoop: Hoop, time: float) 
         if speed <= 0 or not abs(along) <= AGREEMENT:
             return -math.inf
         if abs(along) <= MEETS:
-            return hoop.diameter / 2 - scenario.quadrotor.radius - abs(float(offset @ hoop.across))
+            return hoop.half_gap(scenario.quadrotor.radius) - abs(float(offset @ hoop.across))
         time = min(max(time - along / speed, 0.0), flight.duration)
     return -math.inf

@@ -37,7 +37,7 @@ def passing_windows(
     slack, speed = (0.0, 0.0) if tolerance is None else (tolerance.position, tolerance.speed)
     before, after = [], []
     for hoop in scenario.hoops:
-        gap = hoop.diameter / 2 - scenario.quadrotor.radius
+        gap = hoop.half_gap(scenario.quadrotor.radius)
         before.append(_spurt(scenario, hoop.centre - scenario.start, gap, 0.0, 1))
         after.append(_spurt(scenario, scenario.goal - hoop.centre, gap + slack, speed, -1))
     earliest = np.maximum.accumulate(before) / duration

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flatgym.arc import Arc
-from flatgym.quadrotor import Array, Quadrotor
-from flatgym.scenarios.scenario import Hoop, Scenario
+from flatgym.quadrotor import Array, Quadrotor, nearest_turn
+from flatgym.scenarios.scenario import Scenario
 from optimal.flights.trajectory import Flight
 
 AGREEMENT = 1e-6
@@ -30,26 +30,20 @@ def drift(error: Array, time: Array) -> Array:
     return np.abs(added).max(axis=1)
 
 
-def fly_again(flight: Flight, quadrotor: Quadrotor, start: Array, time: Array, states: Array) -> tuple[Array, Arc]:
+def replay_controls(
+    flight: Flight, quadrotor: Quadrotor, start: Array, time: Array, states: Array
+) -> tuple[Array, Arc]:
     """Fly the flight's controls, averaged over each interval of `time`, from a state (5,).
 
     Returns:
         The states at `time`, shape (n, 5), and the n - 1 arcs between them.
 
     The average rate is the change of the tilt over the interval, the thrust is taken in its middle.
-    Each arc is flown from zero position and velocity; as these enter the equations linearly and
-    gravity is uniform, the arcs add up exactly.
     """
     dt = np.diff(time)
     middle = flight.control((time[:-1] + time[1:]) / 2)
     controls = np.stack([middle[:, 0], np.diff(states[:, 4]) / dt], axis=-1)
-    theta = start[4] + np.append(0.0, np.cumsum(controls[:, 1] * dt))
-    still = np.zeros((len(dt), 5))
-    still[:, 4] = theta[:-1]
-    change = quadrotor.step(still, controls, dt)
-    velocity = start[2:4] + np.concatenate([np.zeros((1, 2)), np.cumsum(change[:, 2:4], axis=0)])
-    way = np.concatenate([np.zeros((1, 2)), np.cumsum(velocity[:-1] * dt[:, None] + change[:, 0:2], axis=0)])
-    replay = np.concatenate([way + start[0:2], velocity, theta[:, None]], axis=1)
+    replay = quadrotor.fly(start, controls, dt)
     return replay, Arc(quadrotor, replay[:-1], controls, dt)
 
 
@@ -62,14 +56,9 @@ def path_violation(arcs: Arc, scenario: Scenario) -> float:
         depth = max(depth, -float(arcs.lowest(-up).min()) - scenario.ceiling)
     radius = scenario.quadrotor.radius
     for hoop in scenario.hoops if radius > 0 else ():
-        for rim in rim_points(hoop):
+        for rim in hoop.rims:
             depth = max(depth, radius - float(arcs.distance(np.broadcast_to(rim, (len(arcs), 2))).min()))
     return depth
-
-
-def rim_points(hoop: Hoop) -> Array:
-    """Return the two ends of a hoop's gap [m], shape (2, 2)."""
-    return np.asarray(hoop.centre + np.outer([-0.5, 0.5], hoop.diameter * hoop.across))
 
 
 def hoop_crossings(arcs: Arc, scenario: Scenario) -> list[tuple[float, float]]:
@@ -90,7 +79,7 @@ def hoop_crossings(arcs: Arc, scenario: Scenario) -> list[tuple[float, float]]:
         if not crossings.size:
             break
         aside = (rest[crossings].at(when[crossings])[:, 0:2] - hoop.centre) @ hoop.across
-        clearance = hoop.diameter / 2 - scenario.quadrotor.radius - np.abs(aside)
+        clearance = hoop.half_gap(scenario.quadrotor.radius) - np.abs(aside)
         chosen = int(np.argmax(clearance >= -AGREEMENT))
         begin, after = begin + int(crossings[chosen]), float(when[crossings[chosen]])
         found.append((float(began[begin]) + after, float(clearance[chosen])))
@@ -101,12 +90,12 @@ def crossing_times(flight: Flight, scenario: Scenario) -> Array:
     """Return when a flight crosses each hoop [s], shape (H,) or shorter where one is never crossed."""
     time = flight.breakpoints
     states = flight.state(time)
-    _, arcs = fly_again(flight, scenario.quadrotor, states[0], time, states)
+    _, arcs = replay_controls(flight, scenario.quadrotor, states[0], time, states)
     return np.array([time for time, _ in hoop_crossings(arcs, scenario)])
 
 
 def rest_error(state: Array, rest: Array) -> float:
     """Return the largest difference of a state from rest, theta modulo whole turns [m, m/s, rad]."""
     error = state - rest
-    error[4] -= 2 * np.pi * np.round(error[4] / (2 * np.pi))
+    error[4] = nearest_turn(error[4])
     return float(np.abs(error).max())

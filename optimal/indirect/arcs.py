@@ -8,14 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from flatgym.quadrotor import Array
-from optimal.direct.shooting import Shot
+from optimal.direct.shooting import ShootingSolution
 from optimal.indirect.costates import inner_rates
 
-Mode = tuple[float, float | None]
+ArcControl = tuple[float, float | None]
 """Thrust [m/s^2] and rate [rad/s] of an arc; None is the rate of a singular arc."""
 
 
-def arcs_of(shot: Shot) -> tuple[tuple[Mode, ...], Array]:
+def arcs_of(shot: ShootingSolution) -> tuple[tuple[ArcControl, ...], Array]:
     """Read off the arcs that the steps of a direct solution without hoops stand for.
 
     Returns:
@@ -45,7 +45,7 @@ def arcs_of(shot: Shot) -> tuple[tuple[Mode, ...], Array]:
     return modes, np.concatenate([durations, q0, slope])
 
 
-def sequence(pieces: Sequence[tuple[Mode, float]]) -> tuple[tuple[Mode, ...], list[float]]:
+def sequence(pieces: Sequence[tuple[ArcControl, float]]) -> tuple[tuple[ArcControl, ...], list[float]]:
     """Return the arcs that pieces of flight make up, and how long each lasts [s].
 
     Like neighbours are joined, and where thrust and rate change at once a short arc is put between, such that

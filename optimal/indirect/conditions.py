@@ -10,12 +10,12 @@ import numpy as np
 
 from flatgym.quadrotor import Array
 from optimal.direct.transcription import step_function
-from optimal.indirect.arcs import Mode
+from optimal.indirect.arcs import ArcControl
 from optimal.indirect.extremal import singular_step
 
 
 @lru_cache(maxsize=256)
-def conditions(modes: tuple[Mode, ...], gravity: float) -> Any:
+def conditions(modes: tuple[ArcControl, ...], gravity: float) -> Any:
     """Return the equations of a sequence of n arcs, as a CasADi function.
 
     Its arguments are the unknowns, durations (n,), q0 (2,) and q1 (2,), and the end state less the start's (5,);
@@ -39,7 +39,7 @@ def conditions(modes: tuple[Mode, ...], gravity: float) -> Any:
     return ca.Function("conditions", [unknowns, end], results)
 
 
-def switching(before: Mode, after: Mode, state: Any, q: Any, q1: Any, gravity: float) -> list[Any]:
+def switching(before: ArcControl, after: ArcControl, state: Any, q: Any, q1: Any, gravity: float) -> list[Any]:
     """Return what must vanish where one arc gives way to another."""
     sin, cos, norm = ca.sin(state[4]), ca.cos(state[4]), ca.norm_2(q)
     along, across, zero = q[0] * sin + q[1] * cos, q[0] * cos - q[1] * sin, []

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenarios.scenario import Scenario
-from optimal.direct.shooting import Shot
+from optimal.direct.shooting import ShootingSolution
 
 AT_BOUND = 5e-3
 """A control this near to its bound, relative to the width of its range, is at it: an interior point
@@ -63,7 +63,7 @@ def inner_rates(control: Array, quadrotor: Quadrotor) -> Flags:
     return np.abs(control[..., 1]) < quadrotor.rate_max * (1 - 2 * AT_BOUND)
 
 
-def lifts(state: Array, costate: Array) -> tuple[Array, Array]:
+def switching_functions(state: Array, costate: Array) -> tuple[Array, Array]:
     """Return q . e and q . e', the sensitivities of H to thrust and, per thrust, to tilt [s^2/m], shape (...)."""
     sin, cos = np.sin(state[..., 4]), np.cos(state[..., 4])
     q_x, q_z = costate[..., 2], costate[..., 3]
@@ -76,7 +76,7 @@ def signs_agree(state: Array, control: Array, costate: Array, quadrotor: Quadrot
     A thrust between its bounds never does: it has no singular arcs.
     """
     slack = AT_BOUND * (quadrotor.thrust_max - quadrotor.thrust_min)
-    thrust, lift, p = control[..., 0], lifts(state, costate)[0], costate[..., 4]
+    thrust, lift, p = control[..., 0], switching_functions(state, costate)[0], costate[..., 4]
     above = (thrust >= quadrotor.thrust_max - slack) & (lift >= -SIGN)
     below = (thrust <= quadrotor.thrust_min + slack) & (lift <= SIGN)
     turning = inner_rates(control, quadrotor) | (np.sign(control[..., 1]) * p >= -SIGN)
@@ -85,18 +85,18 @@ def signs_agree(state: Array, control: Array, costate: Array, quadrotor: Quadrot
 
 def misalignment(state: Array, costate: Array) -> Array:
     """Return the angle from the tilt to q, modulo pi, in [-pi/2, pi/2] [rad], shape (...)."""
-    along, across = lifts(state, costate)
+    along, across = switching_functions(state, costate)
     return np.arctan2(across * np.sign(along), np.abs(along))
 
 
-def report(shot: Shot, scenario: Scenario) -> CostateReport:
+def report(shot: ShootingSolution, scenario: Scenario) -> CostateReport:
     """Hold a direct solution against Pontryagin's conditions, by its multipliers.
 
     Hoops, floors and ceilings only make the costates of position and velocity jump between steps, so
     that the same three conditions stand with them.
 
     Args:
-        shot: what `optimal.direct.shooting.shoot` returned for the scenario.
+        shot: what `optimal.direct.shooting.solve_winding` returned for the scenario.
         scenario: what was to be flown.
 
     Raises:

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from flatgym.quadrotor import Array
 from optimal.flights.replay import fine_grid
 from optimal.flights.trajectory import Trajectory
-from optimal.indirect.arcs import Mode
-from optimal.indirect.costates import hamiltonian, lifts
+from optimal.indirect.arcs import ArcControl
+from optimal.indirect.costates import hamiltonian, switching_functions
 
 POINTS = 8
 """Instants between two breakpoints at which controls are held against the switching functions."""
@@ -156,7 +156,7 @@ def along(flight: ExtremalFlight) -> tuple[Array, Array, Array, Array]:
     time = fine_grid(flight.breakpoints, np.full(len(flight.breakpoints) - 1, 2 * POINTS))
     nodes, weights = np.polynomial.legendre.leggauss(3)
     inside = time[:-1, None] + np.diff(time)[:, None] * (nodes + 1) / 2
-    slopes = -flight.control(inside)[..., 0] * lifts(flight.state(inside), flight.costate(inside))[1]
+    slopes = -flight.control(inside)[..., 0] * switching_functions(flight.state(inside), flight.costate(inside))[1]
     control = flight.control(0.0)
     start = (1 - hamiltonian(flight.state(0.0), control, flight.costate(0.0), flight.quadrotor)) / control[1]
     p = start + np.append(0.0, np.cumsum(np.diff(time) * (slopes @ weights) / 2))
@@ -164,7 +164,7 @@ def along(flight: ExtremalFlight) -> tuple[Array, Array, Array, Array]:
     return np.diff(time[::2]), flight.state(middle), flight.control(middle), flight.costate(middle, p[1::2])
 
 
-def control_arcs(modes: tuple[Mode, ...], durations: Array) -> tuple[ControlArc, ...]:
+def control_arcs(modes: tuple[ArcControl, ...], durations: Array) -> tuple[ControlArc, ...]:
     """Return the arcs with their times and names."""
     ends = np.append(0.0, np.cumsum(durations)).tolist()
     names = ["singular" if rate is None else "max" if rate > 0 else "min" for _, rate in modes]

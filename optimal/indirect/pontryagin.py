@@ -27,10 +27,10 @@ from scipy.optimize import root
 
 from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenarios.scenario import Scenario
-from optimal.direct.shooting import WINDINGS, shoot
-from optimal.indirect.arcs import Mode, arcs_of, sequence
+from optimal.direct.shooting import WINDINGS, solve_winding
+from optimal.indirect.arcs import ArcControl, arcs_of, sequence
 from optimal.indirect.conditions import conditions, equations
-from optimal.indirect.costates import SIGN, hamiltonian, lifts, misalignment, signs_agree
+from optimal.indirect.costates import SIGN, hamiltonian, misalignment, signs_agree, switching_functions
 from optimal.indirect.extremal import POINTS, Extremal, ExtremalFlight, along, control_arcs
 
 NODES = (100, 200)
@@ -66,7 +66,7 @@ def pontryagin(scenario: Scenario, winding: int = 0) -> Extremal:
             )
     result = Extremal(winding, "Not solved: no direct solution of this winding converged to begin from; try another.")
     for nodes in NODES:
-        shot = shoot(scenario, winding, nodes=nodes)
+        shot = solve_winding(scenario, winding, nodes=nodes)
         if shot.converged:
             result = refine(scenario, winding, *arcs_of(shot))
         if result.converged:
@@ -85,7 +85,7 @@ def fastest(scenario: Scenario, windings: Sequence[int] = WINDINGS) -> Extremal:
     return min((pontryagin(scenario, winding) for winding in windings), key=lambda extremal: extremal.time)
 
 
-def refine(scenario: Scenario, winding: int, modes: tuple[Mode, ...], guess: Array) -> Extremal:
+def refine(scenario: Scenario, winding: int, modes: tuple[ArcControl, ...], guess: Array) -> Extremal:
     """Solve the conditions of a sequence of arcs, and of others if its solution asks for them.
 
     An arc that comes out backwards is left out, and where a control is against its switching function an
@@ -125,7 +125,7 @@ def refine(scenario: Scenario, winding: int, modes: tuple[Mode, ...], guess: Arr
 
 
 def assemble(
-    modes: tuple[Mode, ...], durations: Array, states: Array, line: Array, quadrotor: Quadrotor
+    modes: tuple[ArcControl, ...], durations: Array, states: Array, line: Array, quadrotor: Quadrotor
 ) -> ExtremalFlight:
     """Return the flight of solved arcs, cut into pieces over which the tilt turns little."""
     controls = np.array([[thrust, np.nan if rate is None else rate] for thrust, rate in modes])
@@ -138,8 +138,8 @@ def assemble(
 
 
 def judge(
-    result: Extremal, flight: ExtremalFlight, modes: tuple[Mode, ...], durations: Array
-) -> tuple[Extremal, list[tuple[Mode, float]]]:
+    result: Extremal, flight: ExtremalFlight, modes: tuple[ArcControl, ...], durations: Array
+) -> tuple[Extremal, list[tuple[ArcControl, float]]]:
     """Hold the controls of a flight against the switching functions.
 
     Returns:
@@ -160,7 +160,7 @@ def judge(
     if agreed.all():
         message = "Solved: Pontryagin's conditions hold, the signs of the switching functions included."
         result = replace(result, message=message, converged=True, time=flight.duration, trajectory=flight)
-    lift, slip = lifts(state, costate)
+    lift, slip = switching_functions(state, costate)
     thrust = np.where(lift > 0, q.thrust_max, q.thrust_min)
     turning = np.where(singular, 0.0, np.sign(p))
     # Where q turns too fast to follow, by a parabola's excess, the tilt starts before it and ends after

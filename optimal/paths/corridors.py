@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
-from optimal.direct.transcription import height_limits
 from optimal.paths.curves import Path, PolynomialPath, require_regular, smoothstep
 from optimal.paths.outer_paths import outer_paths
 
@@ -163,7 +162,7 @@ def paper_corridor(scenario: Scenario) -> Corridor:
         heights = (bow + 2.75 + start[1], -bow + 2.25 + start[1])
     else:
         c = 0.0 if (advance, climb) == _PRINTED[0] else 1.0
-        ends = np.clip(start[1] + np.array([min(climb, 0.0) - c, max(climb, 0.0) + c]), *height_limits(scenario))
+        ends = np.clip(start[1] + np.array([min(climb, 0.0) - c, max(climb, 0.0) + c]), *scenario.heights)
         heights = (Polynomial([ends[0]]), Polynomial([ends[1]]))
     x = advance * smoothstep(3) + start[0]
     paths = tuple(PolynomialPath((tuple(x.coef), tuple(z.coef))) for z in heights)

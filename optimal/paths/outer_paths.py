@@ -28,7 +28,6 @@ from scipy.interpolate import CubicHermiteSpline
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Hoop, Scenario
-from optimal.direct.transcription import height_limits
 from optimal.paths.curves import BSplinePath, clamped_knots
 
 WIDTH = 1.5
@@ -67,7 +66,7 @@ def outer_paths(scenario: Scenario, count: int) -> tuple[BSplinePath, ...]:
         ValueError: where a hoop cannot be passed, with the reason.
     """
     extents, spans = _legs(scenario)
-    band = height_limits(scenario)
+    band = scenario.heights
     gates = [_gate(scenario, i, min(pair)) for i, pair in enumerate(pairwise(extents / spans))]
     line = _centre_line(scenario, gates, spans)
     sides = np.broadcast_to(_CORNERS, (len(line), 4, 2)) if count == 4 else _ribs(line, gates, spans)
@@ -121,8 +120,8 @@ def _heading(scenario: Scenario, index: int) -> Array:
 
 def _gate(scenario: Scenario, index: int, stride: float) -> _Gate:
     """Return what floor, ceiling and body leave of a gap, if it is to be passed in so long strides."""
-    hoop, (low, high), heading = scenario.hoops[index], height_limits(scenario), _heading(scenario, index)
-    half = hoop.diameter / 2 - scenario.quadrotor.radius
+    hoop, (low, high), heading = scenario.hoops[index], scenario.heights, _heading(scenario, index)
+    half = hoop.half_gap(scenario.quadrotor.radius)
     full = _overlap(hoop, half, low, high)
     for _ in range(SHORTENINGS):
         room = 2 * stride * abs(heading[1])
@@ -168,7 +167,7 @@ def _centre_line(scenario: Scenario, gates: list[_Gate], spans: NDArray[np.intp]
     for i, n in enumerate(spans):
         line[leg == i] = _leg(stations[i : i + 2], n * strides[i : i + 2])(within[leg == i])
     line[:3], line[-3:] = stations[0], stations[-1]
-    return np.clip(line, *np.array([[-math.inf, math.inf], height_limits(scenario)]).T)
+    return np.clip(line, *np.array([[-math.inf, math.inf], scenario.heights]).T)
 
 
 def _leg(points: Array, tangents: Array) -> Callable[[Array], Array]:
@@ -202,7 +201,7 @@ def _room(scenario: Scenario, line: Array, gates: list[_Gate], spans: NDArray[np
     room[:3], room[-3:] = room[0], room[-1]
     radius = scenario.quadrotor.radius
     for hoop in scenario.hoops if radius > 0 else ():
-        for rim in (hoop.centre - hoop.diameter / 2 * hoop.across, hoop.centre + hoop.diameter / 2 * hoop.across):
+        for rim in hoop.rims:
             room = np.minimum(room, (np.hypot(*(line - rim).T) - radius) / math.sqrt(2.0))
         for gate, knot in zip(gates, np.cumsum(spans), strict=False):
             near = slice(int(knot) + DEGREE // 2 - 3, int(knot) + DEGREE // 2 + 4)

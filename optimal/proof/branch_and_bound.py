@@ -43,7 +43,7 @@ class Shown(NamedTuple):
     multipliers: Array
 
 
-class Tried(NamedTuple):
+class BranchBound(NamedTuple):
     """A branch, the best multipliers found for it, and F with them; less than 0 proves the branch impossible."""
 
     shown: Shown
@@ -82,7 +82,7 @@ class Exclusion:
         open_: list[tuple[float, int, Shown]] = []
         left, number = list(self.shown), count()
 
-        def sort(tried: Iterable[Tried]) -> None:
+        def sort(tried: Iterable[BranchBound]) -> None:
             for shown, value in tried:
                 if value < 0:
                     done.append(shown)
@@ -100,21 +100,21 @@ class Exclusion:
         self.shown = done
         return True
 
-    def _try(self, grid: TimeGrid, shown: Shown, steps: int = STEPS) -> Tried:
+    def _try(self, grid: TimeGrid, shown: Shown, steps: int = STEPS) -> BranchBound:
         branch, start = shown
         dual = Dual(self.scenario, grid, branch, self.tolerance, self.kinks)
         if not dual.possible:
-            return Tried(shown, -math.inf)
+            return BranchBound(shown, -math.inf)
         found = separate(dual, start, steps)
         self.evaluations += found.evaluations
-        return Tried(Shown(branch, found.multipliers), found.value)
+        return BranchBound(Shown(branch, found.multipliers), found.value)
 
-    def _halves(self, grid: TimeGrid, shown: Shown) -> list[Tried]:
+    def _halves(self, grid: TimeGrid, shown: Shown) -> list[BranchBound]:
         """Return the halves of a branch, tried."""
         hoop = self._hoop_in_the_way(grid, shown)
         if hoop is not None:
             return [self._try(grid, Shown(half, shown.multipliers)) for half in shown.branch.halve_passing(hoop)]
-        best: list[Tried] = []
+        best: list[BranchBound] = []
         for share in HELD_SHARES:
             halves = shown.branch.halve_tilt(share, self._reach(grid, shown.branch, share))
             tried = [self._try(grid, Shown(half, shown.multipliers)) for half in halves]
@@ -147,7 +147,7 @@ class Exclusion:
         return max(-before, end - slack - after), min(before, end + slack + after)
 
 
-def _difficulty(tried: Sequence[Tried]) -> tuple[int, float]:
+def _difficulty(tried: Sequence[BranchBound]) -> tuple[int, float]:
     """Return how many branches are left to show, and the greatest F among them."""
     left = [value for _, value in tried if value >= 0]
     return len(left), max(left, default=0.0)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 Interval = tuple[float, float]
 
 
-class Held(NamedTuple):
+class TiltInterval(NamedTuple):
     """A tilt within [low, high] [rad] at the time `share` T."""
 
     share: float
@@ -35,7 +35,7 @@ class Branch:
 
     winding: int
     passing: tuple[Interval, ...] = ()
-    held: tuple[Held, ...] = ()
+    held: tuple[TiltInterval, ...] = ()
 
     def halve_passing(self, hoop: int) -> list[Branch]:
         """Return the two halves by when a hoop is passed."""
@@ -56,7 +56,7 @@ class Branch:
         # The outermost parts stay open outwards: what can be reached grows with T.
         middle = (max(low, reach[0]) + min(high, reach[1])) / 2
         rest = tuple(held for held in self.held if held.share != share)
-        return [replace(self, held=(*rest, Held(share, *part))) for part in ((low, middle), (middle, high))]
+        return [replace(self, held=(*rest, TiltInterval(share, *part))) for part in ((low, middle), (middle, high))]
 
 
 def _halves(interval: Interval) -> tuple[Interval, Interval]:

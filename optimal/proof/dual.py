@@ -116,7 +116,7 @@ class Dual:
         for i, hoop in enumerate(scenario.hoops):
             kink = unit[4 + 2 * i : 6 + 2 * i]
             linear -= (hoop.centre - scenario.start) @ kink / duration
-            norms.append(((hoop.diameter / 2 - vehicle.radius) / duration, hoop.across[None] @ kink))
+            norms.append((hoop.half_gap(vehicle.radius) / duration, hoop.across[None] @ kink))
             inside = duration * float(np.diff(self._passing[i])[0]) ** 2 / 8
             linear += vehicle.gravity * inside * kink[1]
             norms.append((vehicle.thrust_max * inside, kink))

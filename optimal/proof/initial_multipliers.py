@@ -13,7 +13,7 @@ import numpy as np
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
-from optimal.direct.shooting import Shot
+from optimal.direct.shooting import ShootingSolution
 
 KINKS = tuple(k / 16 for k in range(1, 16))
 """Where q may bend at floor and ceiling, as shares of T, besides where the flight found touches them."""
@@ -21,7 +21,7 @@ TOUCHES = 1e-3
 """A jump of the costate this great, relative to the costate, is a touch of floor or ceiling."""
 
 
-def touches(shot: Shot) -> Array:
+def active_heights(shot: ShootingSolution) -> Array:
     """Return how much the costate of height jumps at the end of each step, where it touches floor or ceiling, (N,)."""
     slopes = shot.costates[:, 1]
     jumps = np.diff(slopes, append=slopes[-1])
@@ -29,15 +29,15 @@ def touches(shot: Shot) -> Array:
     return np.where(np.abs(jumps) > TOUCHES * np.abs(shot.costates[:, 0:2]).max(), jumps, 0.0)
 
 
-def kink_shares(scenario: Scenario, shot: Shot) -> tuple[float, ...]:
+def kink_shares(scenario: Scenario, shot: ShootingSolution) -> tuple[float, ...]:
     """Return where q may bend at floor and ceiling, as shares of T; none where there is neither."""
     if scenario.floor is None and scenario.ceiling is None:
         return ()
-    touched = shot.trajectory.breakpoints[1:][touches(shot) != 0] / shot.trajectory.duration
+    touched = shot.trajectory.breakpoints[1:][active_heights(shot) != 0] / shot.trajectory.duration
     return tuple(sorted({*KINKS, *touched.tolist()}))
 
 
-def multipliers(scenario: Scenario, shot: Shot, kinks: Sequence[float]) -> Array:
+def multipliers(scenario: Scenario, shot: ShootingSolution, kinks: Sequence[float]) -> Array:
     """Return the multipliers of `optimal.proof.dual.Dual` that a direct solution's costates stand for, shape (size,).
 
     Args:
@@ -50,7 +50,7 @@ def multipliers(scenario: Scenario, shot: Shot, kinks: Sequence[float]) -> Array
     crossings = np.cumsum(shot.steps)[:-1]
     begin = costates[0, 2:4] - slopes[0] * breakpoints[1] / duration
     hoops = slopes[crossings] - slopes[crossings - 1]
-    jumps, shares = touches(shot), breakpoints[1:] / duration
+    jumps, shares = active_heights(shot), breakpoints[1:] / duration
     bends = []
     for sign, height in ((1.0, scenario.floor), (-1.0, scenario.ceiling)):
         strength = np.zeros(len(kinks) if height is not None else 0)

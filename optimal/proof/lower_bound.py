@@ -18,9 +18,9 @@ from flatgym.quadrotor import Array
 from flatgym.scenarios.catalogue import ScenarioLike, scenario
 from flatgym.scenarios.scenario import Scenario, Tolerance
 from flatgym.task.transition import CONTACT_SLACK
-from optimal.direct.feasibility import impossible, suspect, too_far
+from optimal.direct.feasibility import beyond_horizon, impossible, suspect
 from optimal.direct.multistart import search
-from optimal.direct.shooting import Shot, shoot
+from optimal.direct.shooting import ShootingSolution, solve_winding
 from optimal.flights.projection_bound import passing_windows, projection_bound
 from optimal.proof.branch_and_bound import Exclusion, Shown, windings
 from optimal.proof.branches import Branch, covered
@@ -134,7 +134,7 @@ def prove(
     _check(max_gap, time_budget)
     if reason := impossible(target):
         return Proof(target, tolerance, math.inf, math.inf, Verdict.IMPOSSIBLE, reason)
-    far = too_far(target)
+    far = beyond_horizon(target)
     shots = () if far else search(target).shots
     if not shots:
         simple, reason = projection_bound(target, tolerance), far or suspect(target)
@@ -155,7 +155,7 @@ def lower_bound(
 
 def prove_near(
     target: Scenario,
-    shot: Shot,
+    shot: ShootingSolution,
     *,
     tolerance: Tolerance | None = None,
     max_gap: float = MAX_GAP,
@@ -169,10 +169,10 @@ def prove_near(
     while gaps[0] < LOOSEST and flown / (1 + 2 * gaps[0]) > simple:
         gaps.insert(0, 2 * gaps[0])
     grids = [time_grid(flown / (1 + gap), target.quadrotor.rate_max, turn=angles_for(gap)) for gap in gaps]
-    return _climb(target, shot, flown, tolerance, grids, time_budget)
+    return _raise_bound(target, shot, flown, tolerance, grids, time_budget)
 
 
-def prove_steps(target: Scenario, shot: Shot, steps: int, time_budget: float = TIME_BUDGET) -> Proof:
+def prove_steps(target: Scenario, shot: ShootingSolution, steps: int, time_budget: float = TIME_BUDGET) -> Proof:
     """Prove that no flight reaches the goal of an environment in fewer steps than known, or nearly so.
 
     That controls are held over a step is left out: no flight whatever arrives within the tolerance earlier. Gaps,
@@ -180,7 +180,7 @@ def prove_steps(target: Scenario, shot: Shot, steps: int, time_budget: float = T
     """
     _check(MAX_GAP, time_budget)
     wide, fewer = widened(target), (steps - 1) * target.dt
-    free = shoot(wide, shot.winding, tolerant=True)
+    free = solve_winding(wide, shot.winding, tolerant=True)
     known = free.converged and free.trajectory.duration <= fewer * (1 + ROOM)
     last = free.trajectory.duration / (1 + MAX_GAP) if known else fewer
     simple, less, times = projection_bound(wide, wide.tolerance), 2, [last]
@@ -191,7 +191,7 @@ def prove_steps(target: Scenario, shot: Shot, steps: int, time_budget: float = T
     turns = [angles_for(steps * target.dt / value - 1) for value in times[:-1]] + [angles_for(MAX_GAP)]
     rate = target.quadrotor.rate_max
     grids = [time_grid(value * (1 + ROOM), rate, turn=turn) for value, turn in zip(times, turns, strict=True)]
-    proof = _climb(wide, shot, steps * target.dt, wide.tolerance, grids, time_budget)
+    proof = _raise_bound(wide, shot, steps * target.dt, wide.tolerance, grids, time_budget)
     return replace(proof, verdict=Verdict.FREE) if known and proof.verdict is Verdict.CLOSED else proof
 
 
@@ -206,16 +206,20 @@ def widened(target: Scenario) -> Scenario:
     """Return a scenario with gaps, heights and tolerance wider by ROOM, heights also by what the environment allows."""
     near, depth = target.tolerance, CONTACT_SLACK + ROOM
     return replace(
-        target,
-        hoops=tuple(replace(hoop, diameter=hoop.diameter + 2 * ROOM) for hoop in target.hoops),
+        target.with_diameters(hoop.diameter + 2 * ROOM for hoop in target.hoops),
         floor=None if target.floor is None else target.floor - depth,
         ceiling=None if target.ceiling is None else target.ceiling + depth,
         tolerance=Tolerance(near.position + ROOM, near.speed + ROOM, near.angle + ROOM),
     )
 
 
-def _climb(
-    target: Scenario, shot: Shot, flown: float, tolerance: Tolerance | None, grids: Iterable[TimeGrid], budget: float
+def _raise_bound(
+    target: Scenario,
+    shot: ShootingSolution,
+    flown: float,
+    tolerance: Tolerance | None,
+    grids: Iterable[TimeGrid],
+    budget: float,
 ) -> Proof:
     """Exclude the times of grids, the shortest first, until one cannot be excluded within the budget."""
     ready()

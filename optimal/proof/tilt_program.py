@@ -48,7 +48,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flatgym.quadrotor import Array, Quadrotor
-from optimal.proof.branches import Held
+from optimal.proof.branches import TiltInterval
 
 UNIT = 2.0**-53
 """Relative rounding of one operation."""
@@ -114,7 +114,7 @@ def angles_for(gap: float) -> int:
     return max(100, math.ceil(FINE * math.sqrt(1e-3 / gap)))
 
 
-class Most(NamedTuple):
+class TiltBound(NamedTuple):
     """What `TiltProgram` found; integral of q . a dt <= value + interpolation + rounding.
 
     Attributes:
@@ -145,7 +145,7 @@ class TiltProgram:
     """
 
     def __init__(
-        self, quadrotor: Quadrotor, grid: TimeGrid, winding: int, slack: float = 0.0, held: Sequence[Held] = ()
+        self, quadrotor: Quadrotor, grid: TimeGrid, winding: int, slack: float = 0.0, held: Sequence[TiltInterval] = ()
     ) -> None:
         self.quadrotor, self.grid, self.winding, self.slack = quadrotor, grid, winding, slack
         self.low, self.high = _reach(grid, winding, slack, held)
@@ -155,7 +155,7 @@ class TiltProgram:
         self._sin, self._cos = np.sin(angle), np.cos(angle)
         self._values = _scratch(grid.steps, len(angle))
 
-    def __call__(self, weight: Array, first: float, last: float) -> Most:
+    def __call__(self, weight: Array, first: float, last: float) -> TiltBound:
         """Bound the integral for one weight.
 
         Args:
@@ -179,7 +179,7 @@ class TiltProgram:
         share[[0, -1]] /= 2
         size = 2 * dt * (quadrotor.thrust_max + quadrotor.gravity) * np.abs(weight).sum()
         size += (first + last) * (d * len(self._sin) + self.slack)
-        return Most(
+        return TiltBound(
             value=value + first * d / 2 + last * (self.slack + d / 2),
             interpolation=float(share @ length),
             rounding=float(2 * (count + 64) * UNIT * size),
@@ -194,7 +194,9 @@ def ready() -> None:
     TiltProgram(Quadrotor(), TimeGrid(LEAST_STEPS, LEAST_STEPS, 10.0), 0)(np.zeros((LEAST_STEPS + 1, 2)), 0.0, 0.0)
 
 
-def _reach(grid: TimeGrid, winding: int, slack: float, held: Sequence[Held]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _reach(
+    grid: TimeGrid, winding: int, slack: float, held: Sequence[TiltInterval]
+) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the least and greatest multiples of d that sample k may take, shape (N,) each; crossed where none."""
     k, count, target = np.arange(grid.steps), grid.steps, winding * grid.turn
     far = math.ceil(slack / grid.angle)

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import spherical_jn
 
 from flatgym import Quadrotor
-from flatgym.quadrotor import exact_step, spherical_bessel
+from flatgym.quadrotor import exact_step, nearest_turn, spherical_bessel
 
 MIRROR_STATE, MIRROR_CONTROL = np.array([-1, 1, -1, 1, -1]), np.array([1, -1])
 BACKWARDS_STATE, BACKWARDS_CONTROL = np.array([1, 1, -1, -1, 1]), np.array([1, -1])
@@ -217,3 +217,20 @@ def test_actions_map_onto_the_control_box_and_back(generator, quadrotor):
 def test_impossible_vehicles_are_refused(field, value, words):
     with pytest.raises(ValueError, match=words):
         Quadrotor(**{field: value})
+
+
+def test_arcs_flown_together_are_those_flown_one_after_the_other(generator, quadrotor):
+    controls = generator.uniform(quadrotor.control_low, quadrotor.control_high, (40, 2))
+    dt = generator.uniform(0.001, 0.1, 40)
+    states = [generator.normal(size=5)]
+    for control, h in zip(controls, dt, strict=True):
+        states.append(quadrotor.step(states[-1], control, h))
+    np.testing.assert_allclose(quadrotor.fly(states[0], controls, dt), states, atol=1e-12)
+
+
+@pytest.mark.parametrize("near", [0.0, 7.5, -20.0])
+def test_the_nearest_turn_is_at_most_half_a_turn_away(generator, near):
+    angle = generator.uniform(-50, 50, 1000)
+    found = nearest_turn(angle, near)
+    assert np.abs(found - near).max() <= np.pi + 1e-12
+    np.testing.assert_allclose(np.cos(found - angle), 1, atol=1e-12)

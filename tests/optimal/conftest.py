@@ -22,7 +22,7 @@ def replay(trajectory: FlatTrajectory) -> float:
     nodes, inside = trajectory.breakpoints, chebyshev.chebpts1(INPUTS)
     inputs = trajectory.control(nodes[:-1, None] + np.diff(nodes)[:, None] * (inside + 1) / 2)
     polynomials = np.linalg.solve(chebyshev.chebvander(inside, INPUTS - 1), inputs)
-    state, farthest = trajectory.state(0.0), 0.0
+    state, support_bound = trajectory.state(0.0), 0.0
     for (begin, end), polynomial in zip(itertools.pairwise(nodes), polynomials, strict=True):
 
         def motion(t: float, x: Array, begin: float = begin, end: float = end, c: Array = polynomial) -> Array:
@@ -30,8 +30,8 @@ def replay(trajectory: FlatTrajectory) -> float:
             return trajectory.system.derivative(x, chebyshev.chebvander(share, INPUTS - 1) @ c)
 
         state = solve_ivp(motion, (begin, end), state, method="DOP853", rtol=1e-9, atol=1e-10).y[:, -1]
-        farthest = max(farthest, float(np.abs(state - trajectory.state(end)).max()))
-    return farthest
+        support_bound = max(support_bound, float(np.abs(state - trajectory.state(end)).max()))
+    return support_bound
 
 
 @pytest.fixture

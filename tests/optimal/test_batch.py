@@ -64,7 +64,7 @@ def test_the_same_scenario_is_solved_once():
     ("arguments", "words"),
     [
         ({"starts": 2, "tries": 3}, "unknown options tries; solve has method, windings"),
-        ({"throw": True}, "unknown options throw"),
+        ({"raise_on_failure": True}, "unknown options raise_on_failure"),
         ({"backend": "dask"}, "unknown backend 'dask'; known: loky, ray"),
         ({"jobs": 0}, "jobs must be a number of processes, or -1 for one a core, got 0"),
         ({"method": "flat", "store": "."}, "a store keeps flights of method='shooting' only, got 'flat'"),
@@ -174,7 +174,7 @@ SCRIPT = """
 import sys
 import numpy as np
 import optimal
-from experiments.benchmarking import random_goal
+from experiments.measurements.sections import random_goal
 goals = [random_goal(np.random.default_rng((7, i)), i) for i in range(40)]
 optimal.solve_many(goals, jobs=1, store=sys.argv[1], windings=(0,))
 """

@@ -1,0 +1,126 @@
+"""Anybody's policy: whatever can act flies, and whatever cannot is named."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from agents.controllers.cascaded_pd import CascadedPD
+from agents.evaluation.rollouts import fly
+from agents.policies import archive
+from agents.policies.adapters import Adapted, PolicyFailed, load_policy
+from flatgym import SCENARIOS
+
+PD = CascadedPD(SCENARIOS["hoop"].quadrotor)
+SEEN = np.zeros((3, 19), dtype=np.float32)
+
+
+class Full:
+    """As Stable-Baselines3 has it."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):  # noqa: ARG002
+        return PD.predict(observation)[0], (0 if state is None else state + 1)
+
+
+class Bare:
+    """Takes observations only, and returns actions only."""
+
+    def predict(self, observation):
+        return PD.predict(observation)[0]
+
+
+def function(observation):
+    return PD.predict(observation)[0].tolist()
+
+
+def single(observation):
+    """Can deal with one vehicle only."""
+    assert observation.shape == (19,)
+    return PD.predict(observation)[0]
+
+
+@pytest.mark.parametrize("policy", [Full, Full(), Bare, function, single])
+@pytest.mark.parametrize("flights", [1, 3])
+def test_whatever_can_act_flies_as_if_it_were_the_controller_itself(policy, flights):
+    flown, expected = fly(Adapted(policy), "random-goal", flights, 7), fly(PD, "random-goal", flights, 7)
+    assert flown.outcomes == expected.outcomes
+    assert flown.steps.tolist() == expected.steps.tolist()
+
+
+def test_what_it_wants_to_remember_is_handed_back_to_it():
+    policy, state = Adapted(Full), None
+    for wanted in (0, 1, 2):
+        _, state = policy.predict(SEEN, state=state)
+        assert state == wanted
+
+
+@dataclass
+class Returns:
+    answer: object
+
+    def predict(self, observation):  # noqa: ARG002
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (ZeroDivisionError("by wind"), "mine failed: ZeroDivisionError: by wind"),
+        (np.zeros((3, 5)), r"mine returned actions of shape \(3, 5\) for observations of shape \(3, 19\); wanted"),
+        ("left", "mine returned 'left', which are no actions"),
+        (None, "mine returned"),
+    ],
+)
+def test_what_goes_wrong_is_named_by_its_first_cause(answer, words):
+    with pytest.raises(PolicyFailed, match=words):
+        Adapted(Returns(answer), "mine").predict(SEEN)
+
+
+def test_not_a_number_is_refused_by_the_flight():
+    with pytest.raises(ValueError, match="finite"):
+        fly(Adapted(Returns(np.full((2, 2), np.nan))), "hoop", 2)
+
+
+def test_what_cannot_act_is_no_policy():
+    with pytest.raises(PolicyFailed, match=r"mine is no policy: it has no predict"):
+        Adapted(3, "mine")
+
+    class Broken:
+        def __init__(self):
+            raise RuntimeError("no licence")
+
+    with pytest.raises(PolicyFailed, match="no licence"):
+        Adapted(Broken, "mine")
+
+
+def test_policies_are_found_by_module_by_file_and_by_zip(tmp_path, monkeypatch):
+    source = "def pilot(observation):\n    return observation[..., :2] * 0\n"
+    (tmp_path / "my_flatquad_pilots.py").write_text(source)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("my_flatquad_pilots:pilot", f"{tmp_path / 'my_flatquad_pilots.py'}:pilot"):
+        assert np.array_equal(load_policy(name).predict(SEEN)[0], np.zeros((3, 2)))
+    assert load_policy(str(archive.PRETRAINED / "hoop.zip")).predict(SEEN)[0].shape == (3, 2)
+    with pytest.raises(ValueError, match="has no 'pilt'; did you mean 'pilot'"):
+        load_policy("my_flatquad_pilots:pilt")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("policy", "neither a file nor of the form module:object"),
+        ("no_such_module:policy", "'no_such_module' cannot be imported: ModuleNotFoundError"),
+        ("missing.zip", "missing.zip did not come with the package"),
+    ],
+)
+def test_what_is_not_found_is_named(name, words):
+    with pytest.raises(ValueError, match=words):
+        load_policy(name)
+
+
+def test_a_module_that_fails_while_it_is_imported_says_why(tmp_path):
+    (tmp_path / "broken.py").write_text("raise SystemError('half installed')\n")
+    with pytest.raises(ValueError, match="SystemError: half installed"):
+        load_policy(f"{tmp_path / 'broken.py'}:policy")

@@ -1,0 +1,218 @@
+"""Policies on disk: what was saved flies the same, is small, and nothing is loaded unasked or half."""
+
+import base64
+import errno
+import io
+import json
+import pickle
+import zipfile
+
+import numpy as np
+import pytest
+import stable_baselines3
+import torch
+from stable_baselines3 import A2C, PPO
+
+from agents import policies
+from agents.policies import archive
+from agents.training.configs import CONFIGS, PPOConfig, config_of
+from agents.training.models import build
+from agents.training.vec_env import make_vec_env
+
+SMALL = {"scenario": "horizontal-3", "num_envs": 4, "width": 8, "batch_size": 16}
+OBSERVATIONS = np.random.default_rng(0).uniform(-1, 1, (5, 19)).astype(np.float32)
+
+
+def small(algorithm, **values):
+    memory = {} if algorithm == "PPO" else {"buffer_size": 500, "learning_starts": 8, "gradient_steps": 1}
+    return build(config_of(algorithm, **SMALL | memory | values))
+
+
+def trained(algorithm):
+    """Return a model with all that a training leaves in it."""
+    return small(algorithm).learn(64)
+
+
+@pytest.fixture(scope="module")
+def models():
+    return {algorithm: trained(algorithm) for algorithm in CONFIGS}
+
+
+@pytest.fixture
+def file(models, tmp_path):
+    return policies.save(models["PPO"], tmp_path / "policy.zip", "horizontal-3")
+
+
+def actions(model):
+    return model.predict(OBSERVATIONS, deterministic=True)[0]
+
+
+@pytest.mark.parametrize("algorithm", CONFIGS)
+def test_what_was_saved_flies_the_same(models, tmp_path, algorithm):
+    path = policies.save(models[algorithm], tmp_path / "deep" / "policy.zip", "horizontal-3")
+    found = policies.load(path, trust=True)
+    assert type(found).__name__ == algorithm
+    np.testing.assert_array_equal(actions(found), actions(models[algorithm]))
+    np.testing.assert_array_equal(actions(type(found).load(path, device="cpu")), actions(models[algorithm]))
+    said = policies.describe(path)
+    assert (said["algorithm"], said["scenario"], len(said["observations"])) == (algorithm, "horizontal-3", 19)
+    assert [other.name for other in path.parent.iterdir()] == ["policy.zip"]
+
+
+@pytest.mark.parametrize("algorithm", CONFIGS)
+def test_what_stable_baselines3_saved_is_recognised(models, tmp_path, algorithm):
+    models[algorithm].save(tmp_path / "foreign.zip")
+    found = policies.load(tmp_path / "foreign.zip", trust=True)
+    assert type(found).__name__ == algorithm
+    np.testing.assert_array_equal(actions(found), actions(models[algorithm]))
+
+
+def test_a_loaded_policy_is_saved_as_the_same_file(file, tmp_path):
+    again = policies.save(policies.load(file, trust=True), tmp_path / "again.zip", "horizontal-3")
+    assert again.read_bytes() == file.read_bytes()
+
+
+def test_a_policy_of_the_default_size_is_small(tmp_path):
+    model = build(PPOConfig(num_envs=1, batch_size=64))
+    assert policies.save(model, tmp_path / "policy.zip").stat().st_size < 60_000
+
+
+def test_a_rounded_policy_is_half_as_long_and_flies_as_it_was_rounded(tmp_path):
+    model = build(PPOConfig(scenario="horizontal-3", num_envs=4, batch_size=16, width=128))
+    long = policies.save(model, tmp_path / "long.zip").stat().st_size
+    before = actions(model)
+    rounded = archive.rounded(model)
+    short = policies.save(rounded, tmp_path / "short.zip")
+    assert short.stat().st_size < 0.6 * long
+    np.testing.assert_allclose(actions(rounded), before, atol=5e-3)
+    assert all(value.dtype == torch.float32 for value in rounded.policy.parameters())
+    for found in (policies.load(short, trust=True), PPO.load(short, device="cpu")):
+        assert all(value.dtype == torch.float32 for value in found.policy.parameters())
+        np.testing.assert_array_equal(actions(found), actions(rounded))
+
+
+def test_nothing_of_the_training_is_saved(file, models):
+    with zipfile.ZipFile(file) as members:
+        optimizer = torch.load(io.BytesIO(members.read("policy.optimizer.pth")), weights_only=True)
+        assert optimizer["state"] == {}
+        assert not set(archive.TRANSIENT) & set(json.loads(members.read("data")))
+        assert "system_info.txt" not in members.namelist()
+    assert models["PPO"].policy.optimizer.state_dict()["state"], "the model itself keeps its own"
+
+
+def test_another_algorithm_is_not_saved(tmp_path):
+    with pytest.raises(ValueError, match="unknown algorithm 'A2C'; known: PPO, SAC, TD3, TQC"):
+        policies.save(A2C("MlpPolicy", make_vec_env("hoop", 1), device="cpu"), tmp_path / "policy.zip")
+
+
+class Trap:
+    """What a stranger may put into a file."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return open, (str(self.path), "w")
+
+
+def test_files_from_elsewhere_are_refused_before_anything_in_them_runs(file, tmp_path):
+    trap = tmp_path / "sprung"
+    with zipfile.ZipFile(file) as members:
+        contents = {name: members.read(name) for name in members.namelist()}
+    data = json.loads(contents["data"])
+    data["clip_range"] = {":type:": "x", ":serialized:": _base64(pickle.dumps(Trap(trap)))}
+    with zipfile.ZipFile(file, "w") as members:
+        for name, content in (contents | {"data": json.dumps(data).encode()}).items():
+            members.writestr(name, content)
+    assert policies.describe(file)["algorithm"] == "PPO"
+    with pytest.raises(ValueError, match=r"executes code.*trust=True") as error:
+        policies.load(file)
+    assert str(file) in str(error.value)
+    assert not trap.exists()
+
+
+def _base64(content):
+
+    return base64.b64encode(content).decode()
+
+
+def test_files_of_the_package_are_loaded_by_name(models, tmp_path, monkeypatch):
+    monkeypatch.setattr(archive, "PRETRAINED", tmp_path / "pretrained")
+    policies.save(models["PPO"], tmp_path / "pretrained" / "near.zip")
+    policies.save(models["SAC"], tmp_path / "pretrained" / "far.zip")
+    assert policies.names() == ("far", "near")
+    np.testing.assert_array_equal(actions(policies.pretrained("near")), actions(models["PPO"]))
+    with pytest.raises(ValueError, match=r"unknown pretrained policy '\.\./near'; known: far, near"):
+        policies.pretrained("../near")
+
+
+def test_a_link_out_of_the_package_is_a_file_from_elsewhere(file, tmp_path, monkeypatch):
+    monkeypatch.setattr(archive, "PRETRAINED", tmp_path / "pretrained")
+    (tmp_path / "pretrained").mkdir()
+    (tmp_path / "pretrained" / "link.zip").symlink_to(file)
+    with pytest.raises(ValueError, match="trust=True"):
+        policies.pretrained("link")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
+def test_half_a_file_is_named(file, share):
+    content = file.read_bytes()
+    file.write_bytes(content[: int(len(content) * share)])
+    with pytest.raises(ValueError, match=r"policy\.zip is not a whole zip"):
+        policies.load(file, trust=True)
+
+
+def test_a_changed_byte_is_noticed(file):
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match=r"policy.zip is (damaged|not a whole zip)"):
+        policies.load(file, trust=True)
+
+
+@pytest.mark.parametrize("members", [{}, {"a.txt": "hello"}, {"data": "[]"}, {"data": "{"}])
+def test_a_zip_of_something_else_is_named(tmp_path, members):
+    path = tmp_path / "other.zip"
+    with zipfile.ZipFile(path, "w") as file:
+        for name, content in members.items():
+            file.writestr(name, content)
+    with pytest.raises(ValueError, match=r"other\.zip is"):
+        policies.load(path, trust=True)
+
+
+def test_another_algorithm_is_not_loaded(tmp_path):
+    A2C("MlpPolicy", make_vec_env("hoop", 1), device="cpu").save(tmp_path / "a2c.zip")
+    with pytest.raises(ValueError, match=r"a2c.zip holds a policy of none of PPO, SAC, TD3, TQC"):
+        policies.load(tmp_path / "a2c.zip", trust=True)
+
+
+def test_spaces_that_do_not_match_are_both_named(tmp_path):
+    envs = make_vec_env("hoop", 2, observation="state")
+    path = policies.save(PPO("MlpPolicy", envs, n_steps=8, batch_size=8, device="cpu"), tmp_path / "five.zip")
+    with pytest.raises(ValueError, match=r"five.zip does not fit.*observations are .*\(5,\).*\(19,\)"):
+        policies.load(path, trust=True)
+
+
+def test_a_missing_file_is_no_riddle(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"nowhere.zip"):
+        policies.load(tmp_path / "nowhere.zip", trust=True)
+
+
+def test_a_full_disk_leaves_what_was_there(file, models, monkeypatch):
+    before = file.read_bytes()
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device", str(file))
+
+    monkeypatch.setattr(zipfile.ZipFile, "writestr", full)
+    monkeypatch.setattr(archive, "_members", lambda _: {"data": b""})
+    with pytest.raises(OSError, match=r"what was there is intact.*No space left.*policy\.zip") as error:
+        policies.save(models["PPO"], file)
+    assert error.value.errno == errno.ENOSPC
+    assert file.read_bytes() == before
+    assert [other.name for other in file.parent.iterdir()] == ["policy.zip"]
+
+
+def test_the_algorithms_are_those_of_the_configurations():
+    assert set(archive.ALGORITHMS) == set(CONFIGS)
+    assert archive.algorithm("SAC") is stable_baselines3.SAC

@@ -1,0 +1,182 @@
+"""Checkpoints: who was killed and went on ends bit for bit like who was not; half a file is never taken for a whole."""
+
+import json
+import pickle
+from dataclasses import replace
+
+import pytest
+import torch
+
+from agents.evaluation.checks import VALIDATION_SEED
+from agents.training import checkpoints
+from agents.training.checkpoints import chapter_seed, checkpoint_file
+from agents.training.configs import CONFIGS, config_of
+from agents.training.models import build
+from agents.training.progress import curve_file, read_curve
+from agents.training.train import train
+from flatgym.scenarios.reference import EVALUATION_SEED
+
+COMMON = {"num_envs": 8, "width": 8, "max_seconds": 1e5, "n_eval_episodes": 4}
+PPO = {"env_steps": 1024, "n_steps": 16, "batch_size": 128, "n_epochs": 2, "checkpoint_every": 3, "eval_every": 2}
+OFF_POLICY = {
+    "env_steps": 320,
+    "learning_starts": 64,
+    "batch_size": 16,
+    "gradient_steps": 1,
+    "buffer_size": 200,
+    "checkpoint_every": 12,
+    "eval_every": 5,
+}
+
+
+class Killed(BaseException):
+    """What nobody catches."""
+
+
+def small(algorithm, folder, scenario="horizontal-3"):
+    own = PPO if algorithm == "PPO" else OFF_POLICY
+    return config_of(algorithm, scenario=scenario, folder=str(folder), **COMMON | own)
+
+
+def killed(config, at, resume=False):
+    """Train until the check at so many environment steps, and die there."""
+
+    def watch(point):
+        if point["env_steps"] >= at:
+            raise Killed
+
+    with pytest.raises(Killed):
+        train(config, resume=resume, watch=watch)
+
+
+def flown(curve):
+    """Return a curve without its wall time."""
+    return [{name: value for name, value in point.items() if name != "wall_time_s"} for point in curve]
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "scenario"), [(name, "horizontal-3") for name in CONFIGS] + [("PPO", "random-hoops")]
+)
+def test_killed_and_resumed_is_bit_for_bit_like_never_killed(tmp_path, algorithm, scenario):
+    whole = train(small(algorithm, tmp_path / "whole", scenario))
+    config = small(algorithm, tmp_path / "killed", scenario)
+    killed(config, 0.2 * config.env_steps)  # before the first checkpoint
+    killed(config, 0.6 * config.env_steps, resume=True)
+    killed(config, 0.9 * config.env_steps, resume=True)
+    resumed = train(config, resume=True)
+    assert resumed.model.read_bytes() == whole.model.read_bytes()
+    assert flown(resumed.curve) == flown(whole.curve) == flown(read_curve(config))
+    assert resumed.env_steps == whole.env_steps
+    assert resumed.wall_time_s > resumed.curve[0]["wall_time_s"]
+    last = [torch.load(tmp_path / run / "checkpoint.pt", weights_only=True) for run in ("whole", "killed")]
+    assert str(last[0]["parameters"]) == str(last[1]["parameters"])
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    config = small("PPO", tmp_path_factory.mktemp("finished"))
+    return config, train(config)
+
+
+@pytest.fixture
+def copy(finished, tmp_path):
+    """A finished training's configuration and checkpoint, to do with as one likes."""
+    config = replace(finished[0], folder=str(tmp_path))
+    checkpoint_file(config).write_bytes(checkpoint_file(finished[0]).read_bytes())
+    return config
+
+
+def test_who_has_finished_does_not_go_on(finished, copy):
+    again = train(copy, resume=True)
+    assert again.env_steps == finished[1].env_steps
+    assert flown(again.curve) == flown(finished[1].curve)
+    assert again.model.read_bytes() == finished[1].model.read_bytes()
+
+
+def test_without_resume_training_begins_anew(copy):
+    seen = []
+    train(copy, watch=seen.append)
+    assert seen[0]["env_steps"] == 256
+
+
+def test_chapters_have_seeds_of_their_own_and_leave_those_of_scores_alone(finished):
+    config = finished[0]
+    seeds = {chapter_seed(replace(config, seed=seed), chapter) for seed in range(10) for chapter in range(10)}
+    assert len(seeds) == 100
+    assert max(seeds) + 100_000 < VALIDATION_SEED < VALIDATION_SEED + config.n_eval_episodes < EVALUATION_SEED
+
+
+def test_a_configuration_may_differ_in_time_and_place_only(copy):
+    assert checkpoints.restore(replace(copy, max_seconds=7.0, tensorboard=True), build(copy)).chapter == 3
+    with pytest.raises(ValueError, match=r"checkpoint.pt was written with seed = 0, not 1, width = 8, not 16;"):
+        train(replace(copy, seed=1, width=16), resume=True)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.7, 0.999])
+def test_half_a_checkpoint_is_named_with_a_way_out(copy, share):
+    path = checkpoint_file(copy)
+    path.write_bytes(path.read_bytes()[: int(path.stat().st_size * share)])
+    with pytest.raises(ValueError, match=r"checkpoint.pt cannot be read as a checkpoint: .*or delete it"):
+        train(copy, resume=True)
+    assert path.exists()
+
+
+def test_a_changed_byte_is_noticed(copy):
+    path = checkpoint_file(copy)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 3] ^= 0x10
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match="cannot be read as a checkpoint"):
+        train(copy, resume=True)
+
+
+@pytest.mark.parametrize(
+    "change", [{"schema": 2}, {"progress": {"chapters": 1}}, {"parameters": {}}, {"config": 3}, {"updates": None}]
+)
+def test_what_does_not_fit_is_named(copy, change):
+    path = checkpoint_file(copy)
+    content = torch.load(path, weights_only=True) | change
+    torch.save({name: value for name, value in content.items() if value is not None}, path)
+    with pytest.raises(ValueError, match="cannot be read as a checkpoint"):
+        train(copy, resume=True)
+
+
+class Trap:
+    """What a stranger may put into a file."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return open, (str(self.path), "w")
+
+
+@pytest.mark.parametrize("write", [torch.save, lambda content, path: path.write_bytes(pickle.dumps(content))])
+def test_reading_a_checkpoint_executes_nothing(copy, tmp_path, write):
+    write({"schema": 1, "config": Trap(tmp_path / "sprung")}, checkpoint_file(copy))
+    with pytest.raises(ValueError, match="cannot be read as a checkpoint"):
+        train(copy, resume=True)
+    assert not (tmp_path / "sprung").exists()
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), RuntimeError("enforce fail: file write")])
+def test_a_full_disk_leaves_the_checkpoint_before(copy, monkeypatch, error):
+    path = checkpoint_file(copy)
+    before, model = path.read_bytes(), build(copy)
+    progress = checkpoints.restore(copy, model)
+
+    def full(_, temporary):
+        temporary.write_bytes(b"half")
+        raise error
+
+    monkeypatch.setattr(torch, "save", full)
+    with pytest.raises(OSError, match=r"checkpoint.pt could not be written, and the checkpoint before is intact"):
+        checkpoints.write(copy, model, progress)
+    assert path.read_bytes() == before
+    assert [file.name for file in path.parent.iterdir()] == ["checkpoint.pt"]
+
+
+def test_a_curve_is_cut_back_to_the_checkpoint(copy):
+    curve_file(copy).write_text(json.dumps({"env_steps": 10**9}) + "\n{")
+    train(copy, resume=True)
+    assert [point["env_steps"] for point in read_curve(copy)] == [256, 512, 768, 1024, 1024]

@@ -1,0 +1,110 @@
+"""The curriculum: from easy to true, and starts on a demonstrated flight are on it."""
+
+import numpy as np
+import pytest
+
+from agents.training.configs import TIGHT, PPOConfig
+from agents.training.curriculum import CLOSE, Curriculum, FixedFailureCost, curriculum, demonstrated_flight, fill
+from agents.training.vec_env import make_vec_env
+from flatgym import Hoop, Scenario, scenario
+from flatgym.envs.compiled_fleet import CompiledFleet
+from flatgym.envs.config import EnvConfig, Starts
+from flatgym.envs.fleet import Fleet
+from flatgym.envs.vector import FlatQuadVectorEnv
+from flatgym.scenarios.reference import reference
+
+DEMONSTRATED = PPOConfig(scenario="slalom", pool_expert_share=0.5)
+
+
+def test_the_price_of_failure_is_fixed():
+    envs = FixedFailureCost(make_vec_env("horizontal-3", 4), 0.5)
+    envs.reset()
+    ended = []
+    for _ in range(250):
+        _, rewards, dones, infos = envs.step(np.tile(np.array([1.0, 0.05], np.float32), (4, 1)))
+        ended += [(info["outcome"], reward) for info, reward, done in zip(infos, rewards, dones, strict=True) if done]
+    assert {"out-of-bounds"} == {outcome for outcome, _ in ended}
+    assert {-0.5} == {float(reward) for _, reward in ended}
+
+
+@pytest.mark.parametrize("problem", ["hoop", "random-goal"])
+def test_the_tolerance_tightens_to_the_true_one(problem):
+    course = Curriculum(PPOConfig(scenario=problem, tolerance=3.0))
+    seen = [course.tolerance(done) for done in np.linspace(0, 1, 21)]
+    assert [tolerance.position for tolerance in seen] == sorted([t.position for t in seen], reverse=True)
+    assert seen[0].position == pytest.approx(3 * course.problem.tolerance.position)
+    assert {t for t, done in zip(seen, np.linspace(0, 1, 21), strict=True) if done >= TIGHT} == {
+        course.problem.tolerance
+    }
+
+
+def test_flights_come_home_to_the_start():
+    course = Curriculum(PPOConfig())
+    assert course.share(0.0) == course.share(TIGHT) == 0.8
+    assert course.share(1.0) == pytest.approx(0.1)
+
+
+def test_a_distribution_has_no_pool_of_starts():
+    course = Curriculum(PPOConfig(scenario="random-hoops", pool_expert_share=0.5))
+    assert course.starts(0.5) is None
+
+
+@pytest.mark.parametrize("name", ["hoop", "loop", "slalom"])
+def test_from_everywhere_on_the_demonstrated_flight_the_rest_of_it_reaches_the_goal(name):
+    flight, actions = demonstrated_flight(scenario(name)), reference(name).actions
+    n = len(actions)
+    envs = FlatQuadVectorEnv(n, name)
+    envs.reset(options={"state": flight.state, "hoops_passed": flight.hoops_passed})
+    ended = np.zeros(n, dtype=object)
+    for k in range(n):
+        # Vehicle i begins with action i; who has arrived is ignored.
+        rows = np.minimum(np.arange(n) + k, n - 1)
+        infos = envs.step(actions[rows])[4]
+        last = np.arange(n) + k == n - 1
+        ended[last] = infos["outcome"][last]
+    assert set(ended) == {"goal"}
+
+
+@pytest.mark.parametrize("done", [0.0, 0.2, TIGHT, 1.0])
+def test_demonstrated_starts_go_back_from_the_goal(done):
+    course = Curriculum(DEMONSTRATED)
+    flight, pool = course.flight, course.starts(done)
+    rows = {tuple(state): i for i, state in enumerate(flight.state)}
+    other = (pool.state != course.pool.state).any(axis=1)
+    on_it = [rows[tuple(state)] for state in pool.state[other]]
+    n, back = len(flight.state), CLOSE + (1 - CLOSE) * min(1.0, done / TIGHT)
+    assert len(on_it) / len(pool.state) == pytest.approx(0.5, abs=0.02)
+    assert max(on_it) == n - 1
+    assert min(on_it) == pytest.approx(n * (1 - back), abs=1.5)
+    np.testing.assert_array_equal(course.starts(done).state, pool.state)
+
+
+def test_an_unknown_scenario_is_demonstrated_by_the_solver():
+    near = Scenario("near", (0.0, 0.0), (1.0, 0.0), hoops=(Hoop(0.5, 0.0, 1.0),))
+    flight = demonstrated_flight(near)
+    np.testing.assert_array_equal(flight.state[0], near.start_state)
+    assert set(flight.hoops_passed) == {0, 1}
+
+
+@pytest.mark.parametrize("kind", [Fleet, CompiledFleet])
+def test_a_fleet_draws_from_the_pool_it_was_filled_with(kind):
+    problem = scenario("hoop")
+    first = Starts(np.tile(problem.start_state, (3, 1)), np.zeros(3), 1.0)
+    second = Starts(first.state + np.array([0.0, 1.0, 2.0, 0.0, 0.1]), np.ones(3), 1.0)
+    fleet = kind(EnvConfig(problem, starts=first), 4)
+    fill(fleet, second)
+    _, record = fleet.reset(np.ones(4, dtype=bool))
+    np.testing.assert_allclose(record.numbers[0:5].T, np.tile(second.state[0], (4, 1)))
+    np.testing.assert_array_equal(record.counts[1], 1)
+
+
+def test_environments_become_what_the_curriculum_says():
+    course = curriculum(DEMONSTRATED)
+    envs = FixedFailureCost(make_vec_env("slalom", 8, starts=course.starts(0.0), seed=0), 0.5)
+    envs.reset()
+    course.apply(envs, 0.2)
+    (fleet,) = set(envs.get_attr("fleet"))
+    assert fleet.course.tolerance == course.tolerance(0.2)
+    assert fleet.share == course.share(0.2)
+    np.testing.assert_array_equal(fleet.course.starts.state, course.starts(0.2).state)
+    assert curriculum(DEMONSTRATED) is course

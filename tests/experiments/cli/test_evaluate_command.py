@@ -1,0 +1,140 @@
+"""`flatquad evaluate`: one score row, for whoever flies."""
+
+import json
+import sys
+from importlib import import_module
+
+import pytest
+from typer.testing import CliRunner
+
+from agents.evaluation.scores import COLUMNS
+from experiments.cli import app
+from experiments.cli import evaluate as command
+from flatgym.scenarios.reference import EVALUATION_SEED
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    """Nothing is kept outside the test."""
+    monkeypatch.setattr(command, "CACHE", tmp_path)
+    return tmp_path
+
+
+def evaluate(monkeypatch, capsys, *arguments):
+    """Run the command as a shell would; return exit status, standard output, standard error."""
+    monkeypatch.setattr(sys, "argv", ["flatquad", "evaluate", *arguments])
+    with pytest.raises(SystemExit) as end:
+        app.main()
+    output = capsys.readouterr()
+    return end.value.code, output.out, " ".join(output.err.split())
+
+
+def test_the_cascade_is_scored(monkeypatch, capsys):
+    arguments = ("--agent", "pd", "--scenario", "random-hoops", "--episodes", "20", "--json")
+    status, out, _ = evaluate(monkeypatch, capsys, *arguments)
+    (row,) = json.loads(out)
+    assert status == 0
+    assert list(row) == list(COLUMNS)
+    assert (row["agent"], row["algorithm"], row["seed"]) == ("pd", "CascadedPD", EVALUATION_SEED)
+    assert (row["success_rate"], row["outcomes"], row["disturbances"]) == (1.0, {"goal": 20}, {})
+    assert row["command"] == " ".join(["flatquad", "evaluate", *arguments])
+
+
+def test_the_expert_flies_in_k_star_steps_and_is_planned_once(monkeypatch, capsys, cache):
+    arguments = ("--agent", "expert", "--scenario", "horizontal-3", "--episodes", "2")
+    status, out, _ = evaluate(monkeypatch, capsys, *arguments)
+    assert status == 0
+    assert "goal 2" in out
+    assert len(list(cache.iterdir())) == 1
+    monkeypatch.setattr("joblib.Parallel", None)
+    assert evaluate(monkeypatch, capsys, *arguments)[1] == out
+
+
+def test_disturbances_reach_the_flight(monkeypatch, capsys):
+    options = {"wind": 2.0, "mass": 0.1, "thrust-gain": 0.05, "action-delay": 2, "sensor-noise": 0.01}
+    words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
+    _, out, _ = evaluate(
+        monkeypatch, capsys, "--agent", "pd", "--scenario", "hoop", "--episodes", "2", "--json", *words
+    )
+    (row,) = json.loads(out)
+    assert row["disturbances"] == {name.replace("-", "_"): value for name, value in options.items()}
+
+
+def test_a_policy_flies_what_it_was_trained_on(monkeypatch, capsys, tmp_path):
+    from stable_baselines3 import PPO
+
+    policies, vec_env = import_module("agents.policies"), import_module("agents.training.vec_env")
+    model = PPO("MlpPolicy", vec_env.make_vec_env("climb", 2), n_steps=8, batch_size=16, device="cpu", seed=0)
+    path = policies.save(model, tmp_path / "climber.zip", "climb")
+    status, _, err = evaluate(monkeypatch, capsys, str(path))
+    assert status == 2
+    assert "trust" in err
+    status, out, _ = evaluate(monkeypatch, capsys, str(path), "--trust", "--episodes", "1", "--json")
+    (row,) = json.loads(out)
+    assert status == 0
+    assert (row["agent"], row["algorithm"], row["scenario"], row["env_steps"]) == ("climber", "PPO", "climb", 0)
+    _, out, _ = evaluate(monkeypatch, capsys, str(path), "--trust", "--scenario", "drop", "--episodes", "1", "--json")
+    assert json.loads(out)[0]["scenario"] == "drop"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "name one policy to score"),
+        (("a.zip", "--agent", "pd"), "name one policy to score"),
+        (("--agent", "pd"), "give --scenario"),
+        (("--agent", "dp", "--scenario", "hoop"), "unknown agent 'dp'; known: expert, pd"),
+        (("--agent", "pd", "--scenario", "hop"), "did you mean 'hoop'"),
+        (("--agent", "expert", "--scenario", "random-goal"), "'random-goal' is a distribution"),
+        (("--pretrained", "nobody"), "unknown pretrained policy 'nobody'"),
+        (("--agent", "pd", "--scenario", "hoop", "--mass", "2"), "Disturbances.mass must be below 1"),
+    ],
+    ids=lambda value: "-".join(value) or "nothing" if isinstance(value, tuple) else "",
+)
+def test_bad_arguments_are_named(monkeypatch, capsys, arguments, words):
+    status, out, err = evaluate(monkeypatch, capsys, *arguments)
+    assert (status, out) == (2, "")
+    assert words in err
+
+
+def test_help_has_an_example():
+    result = CliRunner().invoke(app.app, ["evaluate", "--help"])
+    assert result.exit_code == 0
+    assert "flatquad evaluate --pretrained hoop" in " ".join(result.output.split())
+
+
+def test_a_policy_of_ones_own_is_scored_and_drawn_beside_ours(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_flatquad_agent.py").write_text(
+        "from agents.controllers.cascaded_pd import CascadedPD\nfrom flatgym import Quadrotor\n\n\n"
+        "class Mine:\n    def predict(self, seen):\n        return CascadedPD(Quadrotor()).predict(seen)[0]\n"
+    )
+    status, out, err = evaluate(
+        monkeypatch, capsys, "my_flatquad_agent:Mine", "--scenario", "climb", "--report", "mine.html", "--json"
+    )
+    (row,) = json.loads(out)
+    assert status == 0, err
+    assert (row["agent"], row["scenario"], row["success_rate"]) == ("Mine", "climb", 1)
+    assert str(tmp_path / "mine.html") in err
+    cells = {cell["agent"]: cell for cell in json.loads((tmp_path / "mine.json").read_text())["cells"]}
+    assert set(cells) == {"Mine", "pretrained", "expert", "tape", "pd"}
+    assert cells["Mine"]["flights"]["calm"]["steps"] == cells["pd"]["flights"]["calm"]["steps"] == [row["steps"]]
+    assert "Mine" in (tmp_path / "mine.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("return 1 / 0", "PolicyFailed: hostile:policy failed: ZeroDivisionError: division by zero"),
+        ("return observation[:, :3]", "hostile:policy returned actions of shape (100, 3)"),
+        ("return observation[:, :2] * float('nan')", "must be finite"),
+        ("while True: pass", "no answer within 5 s; --timeout grants more"),
+        ("import os; os._exit(3)", "ended without an answer, with exit code 3"),
+    ],
+)
+def test_a_policy_that_misbehaves_is_told_of(monkeypatch, capsys, tmp_path, body, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "hostile.py").write_text(f"def policy(observation):\n    {body}\n")
+    status, out, err = evaluate(monkeypatch, capsys, "hostile:policy", "--scenario", "climb", "--timeout", "5")
+    assert (status, out) == (2, "")
+    assert words in err

@@ -1,0 +1,59 @@
+"""The command `flatquad train`: what it prints is what was trained, and it goes on where it stopped."""
+
+import json
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from agents.training.configs import from_json
+from experiments.cli import app
+
+SHORT = ("train", "horizontal-3", "--env-steps", "16384", "--seconds", "100000", "--json")
+
+
+def flatquad(monkeypatch, capsys, *arguments):
+    """Run the command as a shell would; return exit status, standard output, standard error."""
+    monkeypatch.setattr(sys, "argv", ["flatquad", *arguments])
+    with pytest.raises(SystemExit) as end:
+        app.main()
+    output = capsys.readouterr()
+    return end.value.code, output.out, output.err
+
+
+def test_help_has_an_example():
+    result = CliRunner().invoke(app.app, ["train", "--help"])
+    assert result.exit_code == 0
+    assert "flatquad train hoop" in result.output
+    assert "--json" in result.output
+
+
+def test_it_trains_and_resumes(monkeypatch, capsys, tmp_path):
+    status, out, _ = flatquad(monkeypatch, capsys, *SHORT, "--seed", "3", "--folder", str(tmp_path))
+    assert status == 0
+    (row,) = json.loads(out)
+    assert (row["scenario"], row["algorithm"], row["seed"], row["k_star"]) == ("horizontal-3", "PPO", 3, 44)
+    assert (row["env_steps"], row["model"]) == (16384, str(tmp_path / "model.zip"))
+    assert (row["success_rate"] > 0) == (row["steps"] is not None) == (row["gap"] is not None)
+    config = from_json((tmp_path / "config.json").read_text())
+    assert (config.seed, config.env_steps, config.max_seconds) == (3, 16384, 1e5)
+    before = (tmp_path / "model.zip").read_bytes()
+    status, out, _ = flatquad(monkeypatch, capsys, *SHORT, "--seed", "3", "--folder", str(tmp_path), "--resume")
+    assert (status, json.loads(out)[0]["env_steps"]) == (0, 16384)
+    assert (tmp_path / "model.zip").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("hop",), "did you mean 'hoop'"),
+        (("hoop", "--algorithm", "dqn"), "known: PPO, SAC, TD3, TQC"),
+        (("hoop", "--seconds", "-1"), "PPOConfig.max_seconds must be positive"),
+        (("hoop", "--policy", "nowhere.zip"), "PPOConfig.policy must be a file"),
+    ],
+)
+def test_bad_arguments_are_refused_with_a_reason(monkeypatch, capsys, tmp_path, arguments, words):
+    status, _, err = flatquad(monkeypatch, capsys, "train", *arguments, "--folder", str(tmp_path))
+    assert status == 2
+    assert words in " ".join(err.split())
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,105 @@
+"""The table of the environments says what was compared, and flatters nobody."""
+
+import re
+from copy import deepcopy
+
+import pytest
+
+from experiments.files import published
+from experiments.publishing.environments import LINES, environments, many, rounded_down, speed, verdict
+
+SECTIONS = ("batched", "scalar", "sb3", "ppo", "imports", "memory")
+
+
+@pytest.fixture
+def results():
+    """The published results, to be changed at will."""
+    return deepcopy(published("envs.json"))
+
+
+def lines(text):
+    """Return the cells of the table below its head."""
+    table = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("|")]
+    return table[2:]
+
+
+def timed(what, num_envs, steps_per_s, ratio, **others):
+    """Return a row as the benchmark writes it."""
+    row = {"what": what, "num_envs": num_envs, "steps_per_s": steps_per_s, "rates": [steps_per_s], "ratio": ratio}
+    return row | {"cores": 1.0} | others
+
+
+def test_every_bar_is_told_and_whether_it_is_met(results):
+    rows = [row for section in results["sections"].values() for row in section["rows"] if "bar" in row]
+    told = [line[-2:] for line in lines(environments(results)) if line[-1] != "-"]
+    assert sorted(told) == sorted(map(verdict, rows))
+    for row in rows:
+        row["met"] = not row["met"]
+    turned = [line[-1] for line in lines(environments(results)) if line[-1] != "-"]
+    assert turned == [{"yes": "no", "no": "yes"}[word] for _, word in told]
+
+
+def test_each_section_can_stand_alone(results):
+    assert set(LINES) == set(SECTIONS) == set(results["sections"])
+    whole = lines(environments(results))
+    parts = []
+    for name in LINES:
+        alone = results | {"sections": {name: results["sections"][name]}}
+        parts += lines(environments(alone))
+    assert parts == whole
+
+
+def test_small_sizes_and_versions_are_told(results):
+    assert "the numbers mean nothing" not in environments(results)
+    assert f"gymnasium {results['versions']['gymnasium']}" in " ".join(environments(results).split())
+    assert "numbers mean nothing" in " ".join(environments(results | {"quick": True}).split())
+
+
+def test_dates_of_sections_run_on_other_days_are_told(results):
+    results["sections"]["scalar"]["date"] = "2001-02-03T00:00:00+00:00"
+    assert re.search(r"2001-02-03 and \d{4}", " ".join(environments(results).split()))
+
+
+def test_a_line_names_both_and_rounds_the_ratio_down():
+    peer = timed("CartPole-v1", 1, 62_000.0, 1.0)
+    ours = timed("hoop", 1, 37_138.0, 0.5999, bar_on="ratio", bar=0.6, met=False)
+    (line,) = LINES["scalar"]([peer, ours])
+    assert line == [
+        "scalar, `gym.make`: `hoop`, beside CartPole-v1", "37.1 k/s", "62.0 k/s", "0.59", "≥ 0.6", "no"
+    ]  # fmt: skip
+
+
+def test_the_slowest_other_scenario_is_the_slowest_of_as_many_vehicles():
+    rows = [
+        timed("CartPole-v1", 1024, 1e7, 1.0),
+        timed("hoop", 4096, 2e7, 2.0, bar_on="ratio", bar=1.5, met=True),
+        timed("random-hoops", 4096, 1.6e7, 1.6, ratio_to_hoop=0.8, bar_on="ratio_to_hoop", bar=0.7, met=True),
+        timed("climb", 4096, 1.9e7, 1.9, ratio_to_hoop=0.95),
+        timed("slalom", 4096, 1.8e7, 1.8, ratio_to_hoop=0.9),
+        timed("hoop", 1, 5e4, 0.005, ratio_to_hoop=0.0025),
+        timed("CartPole-v1", 1024, 1e7, 1.0, numba=False),
+        timed("hoop", 4096, 5e5, 0.05, numba=False),
+    ]
+    told = list(LINES["batched"](rows))
+    assert [line[3] for line in told] == ["2.00", "0.80", "0.90", "0.05"]
+    assert "4,096 x `slalom`" in told[2][0]
+    assert told[0] == [
+        "batched: 4,096 x `hoop`, beside 1,024 x CartPole-v1", "20.00 M/s", "10.00 M/s", "2.00", "≥ 1.5", "yes"
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("ratio", "text"), [(1.4999, "1.49"), (0.7, "0.70"), (1.5, "1.50"), (35.9, "35"), (1e4, "10,000")]
+)
+def test_ratios_are_rounded_down(ratio, text):
+    assert rounded_down(ratio) == text
+
+
+def test_what_wraps_many_stands_before_their_number():
+    assert many({"what": "hoop", "num_envs": 4096}) == "4,096 x `hoop`"
+    assert many({"what": "DummyVecEnv of CartPole-v1", "num_envs": 1024}) == "DummyVecEnv of 1,024 x CartPole-v1"
+
+
+def test_speeds_have_units():
+    assert speed({"steps_per_s": 15_250_000.0}) == "15.25 M/s"
+    assert speed({"steps_per_s": 41_234.0}) == "41.2 k/s"

@@ -1,0 +1,123 @@
+"""Episodes are remembered as they are flown, and drawn as if they had been drawn from the outside."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flatgym import DISTRIBUTIONS, SCENARIOS
+from flatgym.rendering import Renderer, load_pygame
+from flatgym.rendering.recorder import EpisodeRecorder
+from flatgym.scenarios.reference import ghost_states, reference
+from flatgym.task.rollout import fly_actions
+from flatgym.task.scene import OUTCOMES
+
+SIZE = (320, 240)
+HOOP = SCENARIOS["hoop"]
+
+
+def infos(scenario, actions):
+    """Return the infos of an episode from reset on."""
+    return [
+        {
+            "state": situation.state[0],
+            "hoops_passed": int(situation.hoops_passed[0]),
+            "outcome": OUTCOMES[situation.outcome[0]],
+        }
+        for situation in fly_actions(scenario, actions)
+    ]
+
+
+def filmed(film, scenario, actions):
+    """Return the picture after the actions."""
+    first, *others = infos(scenario, actions)
+    film.begin(scenario, first)
+    for action, info in zip(actions, others, strict=True):
+        film.add(action, info)
+    return film.draw()
+
+
+@pytest.mark.parametrize("ghost", [False, True])
+def test_an_episode_is_drawn_as_from_the_outside(ghost):
+    actions = reference("hoop").actions
+    film = EpisodeRecorder(HOOP, "rgb_array", ghost=ghost, size=SIZE)
+    filmed(film, HOOP, actions[:9])
+    pixels = filmed(film, HOOP, actions)
+    renderer = Renderer(HOOP, size=SIZE, k_star=70, ghost=ghost_states("hoop") if ghost else None)
+    assert np.array_equal(pixels, renderer.draw(ghost_states("hoop"), HOOP.quadrotor.control(actions)[:, 0], 1, "goal"))
+
+
+def test_a_ghost_can_be_any_flight():
+    actions = reference("hoop").actions[:20]
+    slow = np.repeat(ghost_states("hoop"), 2, axis=0)
+    pictures = [
+        filmed(EpisodeRecorder(HOOP, "rgb_array", ghost=g, size=SIZE), HOOP, actions) for g in (False, True, slow)
+    ]
+    assert (pictures[0] != pictures[1]).any()
+    assert (pictures[1] != pictures[2]).any()
+
+
+def test_clipped_actions_are_drawn_as_they_are_flown():
+    film = EpisodeRecorder(HOOP, "rgb_array", size=SIZE)
+    most = filmed(film, HOOP, np.array([[1.0, 0.0]] * 5))
+    film.begin(HOOP, infos(HOOP, [])[0])
+    for info in infos(HOOP, np.array([[1.0, 0.0]] * 5))[1:]:
+        film.add([7.0, 0.0], info)
+    assert np.array_equal(film.draw(), most)
+
+
+def test_scenarios_of_a_distribution_are_drawn_one_after_the_other():
+    distribution, film = (
+        DISTRIBUTIONS["random-goal"],
+        EpisodeRecorder(DISTRIBUTIONS["random-goal"], "rgb_array", size=SIZE),
+    )
+    pictures = [filmed(film, distribution.scenario(1, episode), np.zeros((3, 2))) for episode in (0, 1, 0)]
+    assert (pictures[0] != pictures[1]).any()
+    assert np.array_equal(pictures[0], pictures[2])
+
+
+def test_k_star_is_told_of_comparable_flights_only():
+    film = EpisodeRecorder(HOOP, "rgb_array", size=SIZE)
+    information = infos(HOOP, [])[0]
+    told = filmed(film, HOOP, [])
+    disturbed = filmed(EpisodeRecorder(HOOP, "rgb_array", scored=False, size=SIZE), HOOP, [])
+    film.begin(HOOP, information | {"state": HOOP.start_state + 1e-9 * np.eye(5)[2]})
+    assert np.array_equal(film.draw(), disturbed)
+    assert (told != disturbed).any()
+    film.begin(HOOP, information | {"hoops_passed": 1})
+    ahead = film.draw()
+    assert np.array_equal(ahead[:26, -60:], disturbed[:26, -60:])
+
+
+def test_without_a_mode_nothing_is_remembered():
+    film = EpisodeRecorder(HOOP, None)
+    assert filmed(film, HOOP, reference("hoop").actions[:3]) is None
+    assert vars(film)["_states"] == []
+    film.close()
+
+
+def test_a_window_shows_each_step(monkeypatch):
+    load_pygame()
+    import pygame
+
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    pygame.display.quit()
+    film = EpisodeRecorder(HOOP, "human", ghost=True, size=SIZE)
+    begin = pygame.time.get_ticks()
+    assert filmed(film, HOOP, reference("hoop").actions[:10]) is None
+    assert pygame.time.get_ticks() - begin >= 9 * 20
+    film.close()
+    film.close()
+    pygame.display.quit()
+
+
+def test_what_cannot_be_drawn_is_named():
+    with pytest.raises(RuntimeError, match=r"call reset\(\) first"):
+        EpisodeRecorder(HOOP, "rgb_array").draw()
+    with pytest.raises(ValueError, match="unknown render_mode 'ascii'"):
+        EpisodeRecorder(HOOP, "ascii")
+    for problem in (replace(HOOP, name="mine"), DISTRIBUTIONS["random-hoops"]):
+        with pytest.raises(ValueError, match=r"no flight in K\* steps is stored for .* give states"):
+            EpisodeRecorder(problem, "rgb_array", ghost=True)
+    with pytest.raises(ValueError, match=r"shape \(K\+1, 5\), got shape \(3,\)"):
+        EpisodeRecorder(HOOP, "rgb_array", ghost=[1, 2, 3])

@@ -1,0 +1,107 @@
+"""A flight's costates, read as multipliers, prove at once that hardly any flight like it is faster."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from flatgym import SCENARIOS
+from optimal.direct.shooting import solve_winding
+from optimal.proof.branches import Branch
+from optimal.proof.dual import Dual
+from optimal.proof.initial_multipliers import KINKS, active_heights, kink_shares, multipliers
+from optimal.proof.tilt_program import angles_for, time_grid
+
+LOW = replace(SCENARIOS["horizontal-6"], ceiling=0.05)
+FLOWN = {name: (SCENARIOS[name], 0) for name in ("horizontal-6", "diagonal", "ground-6", "hoop")} | {
+    "low": (LOW, 0),
+    "climb": (SCENARIOS["climb"], 1),
+    "high-hoop": (SCENARIOS["high-hoop"], 1),
+}
+
+
+@cache
+def shot(name):
+    found = solve_winding(*FLOWN[name])
+    assert found.converged
+    return found
+
+
+def proves(name: str, gap: float, width: float = 0.0) -> bool:
+    """Return whether the costates exclude flights of the same winding that are faster by more than a gap."""
+    (scenario, winding), flown = FLOWN[name], shot(name)
+    kinks = kink_shares(scenario, flown)
+    grid = time_grid(flown.trajectory.duration / (1 + gap), scenario.quadrotor.rate_max, turn=angles_for(abs(gap)))
+    crossings = flown.trajectory.breakpoints[np.cumsum(flown.steps)[:-1]] / flown.trajectory.duration
+    passing = tuple((share - width, share + width) for share in crossings)
+    dual = Dual(scenario, grid, Branch(winding, passing), None, kinks)
+    return all(cut.value + cut.rounding < 0 for cut in dual(multipliers(scenario, flown, kinks)))
+
+
+@pytest.mark.parametrize("name", ["horizontal-6", "diagonal", "ground-6", "low"])
+def test_costates_prove_their_own_winding_at_once(name):
+    assert proves(name, 5e-4)
+    assert not proves(name, -5e-4)
+
+
+@pytest.mark.parametrize("name", ["hoop", "high-hoop"])
+def test_costates_prove_it_through_a_hoop_for_passing_times_about_theirs(name):
+    assert proves(name, 1e-2, 0.01)
+    assert proves(name, 2e-3, 0.001)
+    assert not proves(name, -1e-3, 0.01)
+
+
+@pytest.mark.parametrize("name", FLOWN)
+def test_the_weight_is_the_costate_of_velocity_all_along(name):
+    (scenario, _), flown = FLOWN[name], shot(name)
+    kinks = kink_shares(scenario, flown)
+    y = multipliers(scenario, flown, kinks)
+    share = flown.trajectory.breakpoints[1:] / flown.trajectory.duration
+    hoops = share[np.cumsum(flown.steps)[:-1] - 1]
+    weight = y[0:2] + share[:, None] * y[2:4]
+    for at, kink in zip(hoops, y[4 : 4 + 2 * len(hoops)].reshape(-1, 2), strict=True):
+        weight += np.maximum(share - at, 0)[:, None] * kink
+    sign = -1 if scenario.floor is None else 1
+    for at, strength in zip(kinks, y[4 + 2 * len(hoops) : -2], strict=True):
+        weight[:, 1] += sign * strength * np.maximum(share - at, 0)
+    # Floor and ceiling push control points of an arc's cubic, a third of a step off its ends.
+    near = 1e-2 if kinks else 1e-6
+    np.testing.assert_allclose(weight, flown.costates[:, 2:4], atol=near * np.abs(flown.costates[:, 2:4]).max())
+
+
+@pytest.mark.parametrize("name", FLOWN)
+def test_signs_are_as_the_dual_asks(name):
+    (scenario, winding), flown = FLOWN[name], shot(name)
+    kinks = kink_shares(scenario, flown)
+    y = multipliers(scenario, flown, kinks)
+    dual = Dual(scenario, time_grid(1.0, 10.0), Branch(winding, ((0.5, 0.5),) * len(scenario.hoops)), None, kinks)
+    assert y.shape == (dual.size,)
+    assert (y[dual.signed] >= 0).all()
+    assert (y[-2:] > 0).all()
+
+
+def test_touches_are_where_the_flight_touches():
+    for name, height in (("ground-6", 0.0), ("low", 0.05)):
+        flown = shot(name)
+        touched = active_heights(flown) != 0
+        assert touched.any()
+        np.testing.assert_allclose(flown.trajectory.states[1:][touched, 1], height, atol=1e-4)
+        shares = kink_shares(FLOWN[name][0], flown)
+        assert {*KINKS} < {*shares}
+        assert list(shares) == sorted(shares)
+        assert 0 < shares[0] < shares[-1] < 1
+    for name in ("horizontal-6", "climb", "hoop", "high-hoop"):
+        assert not active_heights(shot(name)).any()
+        assert kink_shares(FLOWN[name][0], shot(name)) == ()
+
+
+def test_touches_away_from_all_kinks_go_to_the_nearest_and_none_is_lost():
+    (scenario, _), flown = FLOWN["ground-6"], shot("ground-6")
+    fine, coarse = (multipliers(scenario, flown, kinks) for kinks in (kink_shares(scenario, flown), KINKS))
+    assert coarse[4:-2].sum() == pytest.approx(fine[4:-2].sum(), rel=1e-12)
+    # A ceiling that is not touched has kinks, but none is used.
+    roof = replace(scenario, ceiling=50.0)
+    both = multipliers(roof, flown, KINKS)
+    assert both.shape == (len(coarse) + len(KINKS),)
+    assert (both[4 + len(KINKS) : -2] == 0).all()

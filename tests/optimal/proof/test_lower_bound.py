@@ -1,0 +1,314 @@
+"""A proof is close, never above a flight, holds when computed again, and falls when anything of it is taken away."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from experiments.measurements.sections import random_goal
+from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario, Tolerance
+from optimal.direct.multistart import search
+from optimal.direct.shooting import solve_coarse, solve_winding
+from optimal.flights.projection_bound import passing_windows, projection_bound
+from optimal.proof.branch_and_bound import Shown
+from optimal.proof.branches import Branch
+from optimal.proof.dual import Dual
+from optimal.proof.lower_bound import Proof, Verdict, least_steps, lower_bound, prove, prove_near, prove_steps, widened
+
+CLOSED = ("horizontal-3", "horizontal-6", "horizontal-9", "horizontal-12", "horizontal-15", "ground-6", "diagonal",
+          "climb", "drop", "hoop", "high-hoop")  # fmt: skip
+PRINTED = {
+    "horizontal-3": 0.8902,
+    "horizontal-6": 1.223,
+    "horizontal-9": 1.478,
+    "horizontal-12": 1.694,
+    "horizontal-15": 1.885,
+    "ground-6": 1.227,
+    "diagonal": 1.289,
+}
+"""Times of the paper's table that no flight can have [s]."""
+VEHICLES = (Quadrotor(), Quadrotor(thrust_min=0.5, thrust_max=30, rate_max=5), Quadrotor(3, 14, 20))
+
+
+@cache
+def fastest(name):
+    return search(SCENARIOS[name]).shots[0]
+
+
+@cache
+def proof(name: str) -> Proof:
+    return prove_near(SCENARIOS[name], fastest(name))
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_named_scenarios_are_proven_to_a_thousandth_and_the_proof_holds_when_computed_again(name):
+    found = proof(name)
+    assert found.verdict is Verdict.CLOSED
+    assert found.reason == ""
+    assert 0 < found.gap <= 1e-3
+    assert projection_bound(SCENARIOS[name]) < found.time < found.flown
+    assert found.flown == fastest(name).trajectory.duration
+    assert found.check()
+    assert found.time == found.grid.time
+    assert found.evaluations >= len([s for s in found.shown if abs(s.branch.winding) <= 1])
+
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_the_paper_printed_times_that_are_impossible(name):
+    assert PRINTED[name] < proof(name).time
+
+
+def test_the_front_door_says_the_same():
+    assert lower_bound("horizontal-6") == proof("horizontal-6").time
+    again = prove("horizontal-6")
+    assert replace(again, wall_time=0.0, shown=()) == replace(proof("horizontal-6"), wall_time=0.0, shown=())
+
+
+# What a proof hangs on.
+
+
+@pytest.mark.parametrize("name", ["horizontal-6", "climb", "high-hoop", "ground-6"])
+def test_without_any_one_of_its_branches_a_proof_falls(name):
+    found = proof(name)
+    for i in range(len(found.shown)):
+        # More turns than there is time for were looked at, in case: those alone may be missing.
+        spare = abs(found.shown[i].branch.winding) * 2 * math.pi > found.scenario.quadrotor.rate_max * found.time
+        assert replace(found, shown=found.shown[:i] + found.shown[i + 1 :]).check() is False or spare
+    assert not replace(found, shown=()).check()
+
+
+@pytest.mark.parametrize("name", ["horizontal-6", "climb", "high-hoop", "ground-6"])
+def test_with_other_multipliers_a_proof_falls(name, generator):
+    found = proof(name)
+    for i, (branch, y) in enumerate(found.shown):
+        if abs(branch.winding) * 2 * math.pi > found.scenario.quadrotor.rate_max * found.time:
+            continue
+        signed = slice(4 + 2 * len(branch.passing), None)
+        other = generator.normal(size=y.size)
+        other[signed] = np.abs(other[signed])
+        for wrong in (-y, 0 * y, np.nan * y, other, np.append(y[:-2], -y[-2:])):
+            shown = (*found.shown[:i], Shown(branch, wrong), *found.shown[i + 1 :])
+            assert not replace(found, shown=shown).check()
+
+
+def test_a_greater_time_or_an_easier_task_has_another_proof():
+    found = proof("hoop")
+    assert replace(found, time=found.time * 0.9).check()
+    assert not replace(found, time=np.nextafter(found.time, 2.0)).check()
+    hoop, start = found.scenario.hoops[0], found.scenario
+    for easier in (
+        replace(start, hoops=(replace(hoop, diameter=4.0),)),
+        replace(start, goal=(4.8, 4.8)),
+        replace(start, quadrotor=Quadrotor(thrust_max=20.5)),
+        replace(start, quadrotor=Quadrotor(rate_max=10.0, gravity=9.5)),
+    ):
+        assert not replace(found, scenario=easier).check()
+    assert not replace(found, tolerance=Tolerance()).check()
+    # Branches by narrower intervals than a flight has for its hoop leave some out.
+    narrow = tuple(
+        Shown(replace(branch, passing=((0.5, 0.6),)), y) for branch, y in found.shown if branch.passing[0][0] <= 0.5
+    )
+    assert not replace(found, shown=narrow).check()
+
+
+def test_multipliers_that_serve_one_end_of_a_passing_interval_alone_prove_nothing(generator):
+    found, tried = proof("hoop"), 0
+    for i, (branch, y) in enumerate(found.shown):
+        dual = Dual(found.scenario, found.grid, branch)
+        if not dual.possible:
+            continue
+        way = np.append(generator.normal(size=y.size - 2), [0.0, 0.0])
+
+        def values(share, dual=dual, y=y, way=way):
+            return [cut.value for cut in dual(y + share * way)]
+
+        # Where the greater of the two has just become positive, the other is still negative.
+        share = brentq(lambda s, values=values: max(values(s)) - 1e-6, 0.0, 10.0)
+        if min(values(share)) < -1e-6:
+            tried += 1
+            shown = (*found.shown[:i], Shown(branch, y + share * way), *found.shown[i + 1 :])
+            assert not replace(found, shown=shown).check()
+    assert tried > 0
+
+
+def test_held_tilts_and_passing_times_are_part_of_the_proof():
+    for name in ("climb", "high-hoop"):
+        found = proof(name)
+        for i, (branch, y) in enumerate(found.shown):
+            if branch.held:
+                free = (*found.shown[:i], Shown(replace(branch, held=()), y), *found.shown[i + 1 :])
+                assert not replace(found, shown=free).check()
+    windows = tuple(passing_windows(SCENARIOS["high-hoop"], proof("high-hoop").flown))
+    whole = tuple(Shown(Branch(s.branch.winding, windows), s.multipliers) for s in proof("high-hoop").shown)
+    assert not replace(proof("high-hoop"), shown=whole).check()
+
+
+# Never above a flight.
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES, ids=["default", "slow", "agile"])
+def test_no_flight_found_from_any_start_is_faster_than_the_bound(vehicle):
+    generator = np.random.default_rng(11)
+    for number in range(10):
+        goal = replace(random_goal(generator, number), quadrotor=vehicle)
+        found = search(goal, starts=2).shots[0]
+        near = prove_near(goal, found, max_gap=0.01)
+        assert near.verdict is Verdict.CLOSED
+        others = [solve_coarse(goal, winding, generator=generator) for winding in (0, 1, -1)]
+        shots = sorted((s for s in (found, *others) if s.converged), key=lambda shot: shot.trajectory.duration)
+        known = shots[0].trajectory.duration
+        assert projection_bound(goal) <= near.time < known <= 1.01 * near.time
+        # A slow flight is a poor start, and leaves room to prove too much.
+        poor = prove_near(goal, shots[-1], max_gap=0.01, time_budget=0.1)
+        assert projection_bound(goal) <= poor.time < known
+
+
+def test_a_flight_that_is_not_the_fastest_never_proves_itself():
+    slow = solve_winding(SCENARIOS["climb"], 0)
+    assert slow.trajectory.duration > 1.005 * fastest("climb").trajectory.duration
+    found = prove_near(SCENARIOS["climb"], slow, time_budget=0.3)
+    assert found.verdict is Verdict.BUDGET_SPENT
+    assert found.time < fastest("climb").trajectory.duration
+    assert found.check()
+
+
+def mirrored(scenario: Scenario) -> Scenario:
+    hoops = tuple(replace(hoop, x=-hoop.x, angle=math.pi - hoop.angle) for hoop in scenario.hoops)
+    return replace(scenario, goal=(-scenario.goal[0], scenario.goal[1]), hoops=hoops)
+
+
+@pytest.mark.parametrize("name", ["diagonal", "ground-6", "hoop", "high-hoop"])
+def test_the_mirrored_task_has_the_same_bound(name):
+    assert lower_bound(mirrored(SCENARIOS[name])) == pytest.approx(proof(name).time, rel=1e-3)
+
+
+def test_a_longer_way_has_a_larger_bound():
+    bounds = [proof(f"horizontal-{way}").time for way in (3, 6, 9, 12, 15)]
+    assert (np.diff(bounds) > 0.1).all()
+
+
+def test_heights_and_hoops_only_raise_it():
+    for free, bound in (("horizontal-6", "ground-6"), ("diagonal", "hoop"), ("hoop", "high-hoop")):
+        assert proof(free).time < proof(bound).flown
+        assert proof(bound).time > proof(free).time * (1 - 1e-3)
+    assert proof("high-hoop").time > 1.05 * proof("hoop").flown
+
+
+def test_within_a_tolerance_flights_may_be_faster():
+    # What a tolerance saves is part of the gap: it is counted from the flight from rest to rest.
+    found = prove("horizontal-6", tolerance=Tolerance(), max_gap=0.03)
+    tolerant = solve_winding(SCENARIOS["horizontal-6"], tolerant=True).trajectory.duration
+    assert found.verdict is Verdict.CLOSED
+    assert projection_bound(SCENARIOS["horizontal-6"], Tolerance()) < found.time < tolerant < 1.01 * found.time
+    assert found.check()
+    assert not replace(found, tolerance=Tolerance(0.2, 0.4, 0.2)).check()
+
+
+def test_a_hoop_that_brings_the_flight_back_to_its_start_is_bounded_too():
+    there = Scenario("there-and-back", (0, 0), (0, 0), (Hoop(3, 0, 1.0),))
+    found = prove(there, max_gap=0.02)
+    assert projection_bound(there) == 0.0
+    assert found.verdict is Verdict.CLOSED
+    assert found.gap <= 0.02
+    assert found.check()
+
+
+# What is not proven.
+
+
+def test_where_thrust_alone_proves_more_it_is_what_counts():
+    found = prove_near(SCENARIOS["diagonal"], fastest("diagonal"), max_gap=0.5)
+    assert found.time == projection_bound(SCENARIOS["diagonal"]) > found.flown / 1.5
+    assert found.verdict is Verdict.CLOSED
+    assert found.check()
+
+
+def test_a_budget_that_is_spent_leaves_what_was_proven_by_then():
+    nothing = prove_near(SCENARIOS["hoop"], fastest("hoop"), time_budget=1e-9)
+    assert nothing.verdict is Verdict.BUDGET_SPENT
+    assert nothing.time == projection_bound(SCENARIOS["hoop"])
+    assert nothing.grid is None
+    assert nothing.check()
+    assert not replace(nothing, time=nothing.time * 1.001).check()
+    assert proof("climb").grid is not None  # and all is compiled, which is not to be paid from the budget
+    little = prove_near(SCENARIOS["climb"], fastest("climb"), max_gap=1e-6, time_budget=0.3)
+    assert little.verdict is Verdict.BUDGET_SPENT
+    assert little.gap > 1e-6
+    assert projection_bound(SCENARIOS["climb"]) < little.time < fastest("climb").trajectory.duration
+    assert little.check()
+
+
+def test_what_cannot_be_flown_takes_forever():
+    flat = replace(SCENARIOS["ground-6"], hoops=(Hoop(3.0, 0.0, 1.0, -math.pi / 2),))
+    found = prove(flat)
+    assert found.time == found.flown == found.gap == lower_bound(flat) == math.inf
+    assert found.verdict is Verdict.IMPOSSIBLE
+    assert "against the floor" in found.reason
+    assert found.check()
+
+
+def test_where_no_flight_is_known_thrust_alone_bounds():
+    far = replace(SCENARIOS["diagonal"], goal=(4000.0, 0.0), time_limit=1000.0)
+    found = prove(far)
+    assert found.verdict is Verdict.NO_FLIGHT
+    assert "too far" in found.reason
+    assert found.time == projection_bound(far) > 20
+    assert found.flown == found.gap == math.inf
+    assert found.check()
+
+
+@pytest.mark.parametrize("name", ["max_gap", "time_budget"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan])
+def test_gaps_and_budgets_must_be_positive(name, value):
+    with pytest.raises(ValueError, match=f"{name} must be positive, got {value!r}"):
+        prove("hoop", **{name: value})
+    with pytest.raises(ValueError, match=f"{name} must be positive, got {value!r}"):
+        lower_bound("hoop", **{name: value})
+    with pytest.raises(ValueError, match=f"{name} must be positive, got {value!r}"):
+        prove_near(SCENARIOS["hoop"], fastest("hoop"), **{name: value})
+
+
+def test_unknown_scenarios_are_named():
+    with pytest.raises(ValueError, match=r"unknown scenario 'hop'.*did you mean 'hoop'"):
+        prove("hop")
+
+
+# Environment steps.
+
+
+def test_fewer_steps_than_the_fewest_are_impossible():
+    found = prove_steps(SCENARIOS["horizontal-6"], fastest("horizontal-6"), 61)
+    assert found.verdict is Verdict.CLOSED
+    assert least_steps(found) == 61
+    assert found.time >= 60 * 0.02
+    assert found.check()
+
+
+def test_a_step_that_can_be_spared_is_never_proven_needed():
+    found = prove_steps(SCENARIOS["horizontal-6"], fastest("horizontal-6"), 62)
+    assert found.verdict is Verdict.FREE  # a flight of 61 steps' time stands in the way
+    assert least_steps(found) <= 61
+    tolerant = solve_winding(SCENARIOS["horizontal-6"], tolerant=True).trajectory.duration
+    assert tolerant / 1.002 < found.time < tolerant
+    assert found.check()
+
+
+def test_steps_are_counted_for_what_an_environment_may_round():
+    target = SCENARIOS["high-hoop"]
+    wide = widened(target)
+    assert wide.hoops[0].diameter > target.hoops[0].diameter
+    assert all(getattr(wide.tolerance, n) > getattr(target.tolerance, n) for n in ("position", "speed", "angle"))
+    ground = widened(replace(SCENARIOS["ground-6"], ceiling=9.0))
+    assert ground.floor < 0.0
+    assert ground.ceiling > 9.0
+    assert (wide.start, wide.goal, wide.floor) == (target.start, target.goal, None)
+
+
+def test_steps_are_counted_upwards_from_the_proven_time():
+    found = replace(proof("horizontal-6"), time=1.2)
+    assert least_steps(replace(found, time=np.nextafter(1.2, 0))) == 60
+    assert least_steps(replace(found, time=1.2000001)) == 61
+    assert least_steps(replace(found, time=0.0)) == 1

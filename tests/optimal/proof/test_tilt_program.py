@@ -1,0 +1,405 @@
+"""No tilt ever beats the dynamic programme, the programme gives little away, and each of its roundings is needed."""
+
+import math
+from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize
+
+from flatgym import Quadrotor
+from optimal.proof.branches import TiltInterval
+from optimal.proof.tilt_program import LEAST_STEPS, UNIT, TiltBound, TiltProgram, TimeGrid, angles_for, time_grid
+
+VEHICLES = (Quadrotor(), Quadrotor(thrust_min=0.5, thrust_max=30, rate_max=5), Quadrotor(3, 14, 20))
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+
+def bound(most: TiltBound) -> float:
+    return most.value + most.interpolation + most.rounding
+
+
+@dataclass(frozen=True)
+class Tilt:
+    """A tilt that is linear between instants."""
+
+    time: np.ndarray
+    angle: np.ndarray
+
+    def __call__(self, t):
+        return np.interp(t, self.time, self.angle)
+
+
+def integral(vehicle: Quadrotor, grid: TimeGrid, weight: np.ndarray, tilt: Tilt) -> float:
+    """Return the integral of q . a with the best thrust, by Gauss quadrature between all kinks."""
+    instants = grid.dt * np.arange(grid.steps + 1)
+
+    def lift(t):
+        q = np.stack([np.interp(t, instants, weight[:, i]) for i in (0, 1)])
+        return q[0] * np.sin(tilt(t)) + q[1] * np.cos(tilt(t))
+
+    pieces = np.union1d(instants, tilt.time[tilt.time < instants[-1]])
+    inside = np.linspace(pieces[:-1], pieces[1:], 9).T
+    values = lift(inside)
+    rows, columns = np.nonzero(values[:, :-1] * values[:, 1:] < 0)
+    switches = [brentq(lift, inside[i, j], inside[i, j + 1], xtol=1e-14) for i, j in zip(rows, columns, strict=True)]
+    ends = np.union1d(pieces, switches)
+    half = np.diff(ends) / 2
+    t = ends[:-1, None] + half[:, None] * (POINTS + 1)
+    along = lift(t)
+    reward = np.maximum(vehicle.thrust_max * along, vehicle.thrust_min * along)
+    return float(half @ (reward @ WEIGHTS)) - vehicle.gravity * float(np.trapezoid(weight[:, 1], instants))
+
+
+def random_weight(generator, grid: TimeGrid, kinks: int = 2) -> np.ndarray:
+    """Return a random q with kinks at instants, shape (N+1, 2)."""
+    knots = np.unique([0, grid.steps, *generator.integers(1, grid.steps, kinks)])
+    values = generator.normal(size=(len(knots), 2)) * 10 ** generator.uniform(-1, 1)
+    return np.stack([np.interp(np.arange(grid.steps + 1), knots, values[:, i]) for i in (0, 1)], axis=1)
+
+
+def random_tilt(generator, grid: TimeGrid, end: float) -> Tilt:
+    """Return a tilt from 0 to `end` with random piecewise constant rates, one of them at its limit."""
+    time = np.append(np.sort(generator.uniform(0, grid.time, 11)), grid.time)
+    time = np.append(0.0, time)
+    rates, widths, mean = generator.choice([-1.0, -0.3, 0.0, 0.5, 1.0], 12), np.diff(time), end / grid.time
+    rates = rates - rates @ widths / grid.time
+    room = np.where(rates > 0, grid.rate_max - mean, grid.rate_max + mean) / np.maximum(np.abs(rates), 1e-9)
+    rates = mean + rates * room.min()
+    assert np.abs(rates).max() <= grid.rate_max * (1 + 1e-12)
+    return Tilt(time, np.append(0.0, np.cumsum(rates * widths)))
+
+
+def eager_tilt(grid: TimeGrid, weight: np.ndarray, end: float, share: float = 0.5) -> Tilt:
+    """Return the tilt that follows q as its rate and its end allow, and makes its whole turns from a share of T on."""
+    time = grid.dt * np.linspace(0, grid.steps, 4 * grid.steps + 1)
+    q = np.stack([np.interp(time, time[::4], weight[:, i]) for i in (0, 1)])
+    wanted = np.unwrap(np.arctan2(*q))
+    wanted[time > share * time[-1]] += 2 * np.pi * np.round((end - wanted[-1]) / (2 * np.pi))
+    angle = [0.0]
+    for aim, step, left in zip(wanted[1:], np.diff(time), time[-1] - time[1:], strict=True):
+        low = max(angle[-1] - grid.rate_max * step, end - grid.rate_max * left)
+        high = min(angle[-1] + grid.rate_max * step, end + grid.rate_max * left)
+        angle.append(min(max(aim, low), high))
+    return Tilt(time, np.array(angle))
+
+
+def slow_sum(
+    vehicle: Any, weight: Any, sin: Any, cos: Any, dt: Any, first: Any, last: Any, low: Any, high: Any, target: int
+) -> tuple[Any, list[int]]:
+    """Return M_j and its sequence by the definition, in whatever arithmetic the numbers come; sin and cos by index."""
+    strongest, weakest, gravity = vehicle
+    rows: list[dict[int, Any]] = []
+    for k in reversed(range(len(weight))):
+        q_x, q_z = weight[k]
+        row = {}
+        for i in range(low[k], high[k] + 1):
+            lift = q_x * sin[i] + q_z * cos[i]
+            reward = dt * (max(strongest * lift, weakest * lift) - gravity * q_z)
+            if not rows:
+                row[i] = reward - last * abs(i - target)
+            elif after := [rows[-1][j] for j in (i - 1, i, i + 1) if j in rows[-1]]:
+                row[i] = reward + max(after)
+        rows.append(row)
+    rows.reverse()
+    best, at = max((value - first * abs(i), i) for i, value in rows[0].items())
+    sequence = [at]
+    for row in rows[1:]:
+        sequence.append(max((j for j in (sequence[-1] - 1, sequence[-1], sequence[-1] + 1) if j in row), key=row.get))
+    return best, sequence
+
+
+def reach(grid: TimeGrid, winding: int, slack: float = 0.0) -> tuple[list[int], list[int]]:
+    """Return the least and greatest multiples of d that any flight can come near to, by its rate alone."""
+    far, target = math.ceil(slack / grid.angle), winding * grid.turn
+    low = [max(-(k + 1), target - far - (grid.steps - k)) for k in range(grid.steps)]
+    high = [min(k + 1, target + far + (grid.steps - k)) for k in range(grid.steps)]
+    return low, high
+
+
+def slow(vehicle, grid, weight, first, last, winding=0, slack=0.0):
+    """Return M_0 and M_1 and their sequences [rad] in plain Python."""
+    low, high = reach(grid, winding, slack)
+    angles = {i: grid.angle * i for i in range(min(low), max(high) + 1)}
+    sin, cos = ({i: function(a) for i, a in angles.items()} for function in (math.sin, math.cos))
+    limits, d, target = (vehicle.thrust_max, vehicle.thrust_min, vehicle.gravity), grid.angle, winding * grid.turn
+    sums = [
+        slow_sum(limits, part.tolist(), sin, cos, grid.dt, first * d, last * d, low, high, target)
+        for part in (weight[:-1], weight[1:])
+    ]
+    return [best for best, _ in sums], [d * np.array(sequence) for _, sequence in sums]
+
+
+def tuned(program: TiltProgram, weight: np.ndarray) -> tuple[float, float]:
+    """Return the penalties with which a programme bounds best."""
+    options = {"xatol": 1e-4, "fatol": 1e-8}
+    found = minimize(lambda x: bound(program(weight, *np.exp(x))), [0.0, 0.0], method="Nelder-Mead", options=options)
+    return tuple(np.exp(found.x).tolist())
+
+
+def smooth(grid: TimeGrid) -> np.ndarray:
+    """Return a weight of which a flight to the right would be fastest, stronger at its end."""
+    share = np.linspace(0.0, 1.0, grid.steps + 1)[:, None]
+    return np.array([1.0, 0.6]) + share * np.array([-2.4, 0.5])
+
+
+def best(vehicle: Quadrotor, grid: TimeGrid, weight: np.ndarray, winding: int, slack: float = 0.0) -> float:
+    """Return the greatest integral of the eager tilts."""
+    shares = np.linspace(0.12, 0.16, 17) if winding else (0.5,)
+    ends = 2 * np.pi * winding + slack * np.array([-1.0, 0.0, 1.0])
+    return max(integral(vehicle, grid, weight, eager_tilt(grid, weight, e, share)) for e in ends for share in shares)
+
+
+# Soundness.
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES, ids=["default", "slow", "agile"])
+@pytest.mark.parametrize("winding", [0, 1, -2])
+def test_no_tilt_within_its_limits_beats_the_bound(vehicle, winding, generator):
+    for slack in (0.0, 0.1, 0.7):
+        grid = time_grid(generator.uniform(1.1, 1.5) * 4 * np.pi / vehicle.rate_max, vehicle.rate_max, turn=40)
+        program, weight = TiltProgram(vehicle, grid, winding, slack), random_weight(generator, grid)
+        ends = 2 * np.pi * winding + slack * np.array([-1.0, 0.0, generator.uniform(-1, 1), 1.0])
+        tilts = [random_tilt(generator, grid, end) for end in ends for _ in range(3)]
+        tilts += [eager_tilt(grid, weight, end, share) for end in ends for share in (0.1, 0.5, 0.9)]
+        flown = max(integral(vehicle, grid, weight, tilt) for tilt in tilts)
+        for penalties in ((0.0, 0.0), (0.2, 3.0), (3.0, 0.2), tuned(program, weight)):
+            assert flown <= bound(program(weight, *penalties))
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES, ids=["default", "slow", "agile"])
+def test_no_tilt_that_is_held_at_an_instant_beats_the_bound_of_its_branch(vehicle, generator):
+    grid = TimeGrid(57, 40, vehicle.rate_max)
+    weight = random_weight(generator, grid)
+    for share in (0.25, 0.5, 0.8):
+        instant = round(share * grid.steps) * grid.dt
+        for winding in (0, 1):
+            tilts = [random_tilt(generator, grid, 2 * np.pi * winding) for _ in range(6)]
+            tilts.append(eager_tilt(grid, weight, 2 * np.pi * winding))
+            for tilt in tilts:
+                angle, flown = float(tilt(instant)), integral(vehicle, grid, weight, tilt)
+                # Held to a point, to an edge either way, and to what leaves it open.
+                for low, high in ((angle, angle), (angle, math.inf), (-math.inf, angle), (angle - 0.1, angle + 0.01)):
+                    program = TiltProgram(vehicle, grid, winding, 0.0, [TiltInterval(share, low, high)])
+                    assert program.possible
+                    assert flown <= bound(program(weight, 0.3, 0.3))
+
+
+def test_a_tilt_held_at_an_instant_may_turn_away_from_it_at_once():
+    # Out to the angle of q, back for the instant, out again, back for the end, each as fast as can be: the samples
+    # next to the instant are up to dt, or d, away from it, which counts most on the side where q is strong.
+    grid, vehicle = TimeGrid(160, 40, 10.0), Quadrotor()
+    middle, time = grid.steps / 2 * grid.dt, grid.dt * np.linspace(0, grid.steps, 4 * grid.steps + 1)
+    away = np.minimum(np.minimum(time, time[-1] - time), np.abs(time - middle))
+    tilt = Tilt(time, np.minimum(np.pi / 2, grid.rate_max * away))
+    program = TiltProgram(vehicle, grid, 0, 0.0, [TiltInterval(0.5, 0.0, 0.0)])
+    for before, after in ((0.1, 2.0), (2.0, 0.1)):
+        strength = np.where(np.arange(grid.steps + 1) <= grid.steps // 2, before, after)
+        weight = np.column_stack([strength, np.zeros(grid.steps + 1)])
+        flown = integral(vehicle, grid, weight, tilt)
+        assert flown <= bound(program(weight, *tuned(program, weight))) < 1.02 * flown
+
+
+def test_holding_the_tilt_never_raises_the_bound_and_one_half_keeps_it(generator):
+    grid = TimeGrid(60, 48, 10.0)
+    for _ in range(5):
+        weight = random_weight(generator, grid)
+        free = TiltProgram(Quadrotor(), grid, 0)(weight, 0.4, 0.4).value
+        low, high = (
+            TiltProgram(Quadrotor(), grid, 0, 0.0, [TiltInterval(0.5, *part)])(weight, 0.4, 0.4).value
+            for part in ((-math.inf, 0.2), (0.2, math.inf))
+        )
+        assert max(low, high) == pytest.approx(free, abs=1e-12)
+        assert min(low, high) <= free + 1e-12
+
+
+def test_a_winding_that_takes_longer_than_there_is_time_is_impossible():
+    grid = time_grid(1.0, 10.0)  # 10 rad
+    possible = {winding: TiltProgram(Quadrotor(), grid, winding).possible for winding in (-2, -1, 0, 1, 2)}
+    assert possible == {-2: False, -1: True, 0: True, 1: True, 2: False}
+    assert TiltProgram(Quadrotor(), grid, 2, slack=4 * np.pi - 10).possible
+    assert not TiltProgram(Quadrotor(), grid, 0, held=[TiltInterval(0.25, 3.0, math.inf)]).possible
+    assert TiltProgram(Quadrotor(), grid, 0, held=[TiltInterval(0.25, 2.4, math.inf)]).possible
+
+
+# Tightness.
+
+
+@pytest.mark.parametrize(("vehicle", "winding"), [(VEHICLES[0], 0), (VEHICLES[0], 1), (VEHICLES[1], 0)])
+def test_the_bound_falls_with_the_square_of_the_angle_towards_a_flight(vehicle, winding):
+    turns, bounds = (100, 200, 400, 800), []
+    for turn in turns:
+        grid = TimeGrid(turn * 2, turn, vehicle.rate_max)  # time for two turns
+        program, weight = TiltProgram(vehicle, grid, winding), smooth(grid)
+        bounds.append(bound(program(weight, *tuned(program, weight))))
+    falls = -np.diff(bounds)
+    assert (falls > 0).all()
+    order = -np.polyfit(np.log2(turns[1:]), np.log2(falls), 1)[0]
+    assert 1.8 < order < 2.2
+    assert 0 < bounds[-1] - best(vehicle, grid, weight, winding) < 2e-4 * bounds[-1]
+
+
+# Each rounding is needed.
+
+
+def tight(winding=0, slack=0.0, reverse=False):
+    """Return a programme, a weight and penalties that bound well, and the integral of a flight close to the bound."""
+    grid, vehicle = TimeGrid(200, 100, 10.0), Quadrotor()
+    weight, program = smooth(grid), TiltProgram(vehicle, grid, winding, slack)
+    weight = weight[::-1] if reverse else weight
+    return program, weight, tuned(program, weight), best(vehicle, grid, weight, winding, slack)
+
+
+def test_without_the_interpolation_a_tilt_between_two_angles_would_beat_the_bound():
+    grid = TimeGrid(24, 12, 10.0)
+    half = grid.angle / 2
+    weight = np.tile([math.sin(half), math.cos(half)], (grid.steps + 1, 1))
+    tilt = eager_tilt(grid, weight, 0.0)
+    most = TiltProgram(Quadrotor(), grid, 0)(weight, 0.0, 0.0)
+    flown = integral(Quadrotor(), grid, weight, tilt)
+    assert most.value + most.rounding < flown - 0.5 * most.interpolation
+    assert flown <= most.value + most.interpolation
+
+
+@pytest.mark.parametrize("slack", [0.0, 0.1])
+@pytest.mark.parametrize("winding", [0, 1])
+def test_without_the_terms_of_the_penalties_a_flight_would_beat_the_bound(winding, slack):
+    program, weight, (first, last), flown = tight(winding, slack)
+    whole, d = bound(program(weight, first, last)), program.grid.angle
+    assert flown <= whole
+    assert whole - first * d / 2 < flown
+    assert whole - last * (slack + d / 2) < flown
+    if slack:
+        assert whole - last * slack < flown
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_with_one_of_the_sums_alone_a_flight_would_beat_the_bound(reverse):
+    program, weight, (first, last), flown = tight(reverse=reverse)
+    sums, _ = slow(Quadrotor(), program.grid, weight, first, last)
+    most, d = program(weight, first, last), program.grid.angle
+    rest = (first + last) * d / 2 + most.interpolation
+    assert flown <= sum(sums) / 2 + rest
+    assert sums[1 if reverse else 0] + rest < flown
+
+
+def test_the_programme_is_the_one_of_its_definition(generator):
+    for winding, slack, vehicle in ((0, 0.0, VEHICLES[0]), (1, 0.1, VEHICLES[1]), (-1, 0.3, VEHICLES[2])):
+        grid = TimeGrid(41, 30, vehicle.rate_max)
+        weight, first, last = random_weight(generator, grid), *generator.uniform(0, 2, 2)
+        most = TiltProgram(vehicle, grid, winding, slack)(weight, first, last)
+        sums, sequences = slow(vehicle, grid, weight, first, last, winding, slack)
+        d, target = grid.angle, 2 * np.pi * winding
+        value = sum(sums) / 2 + first * d / 2 + last * (slack + d / 2)
+        assert most.value == pytest.approx(value, abs=1e-12, rel=1e-12)
+        ends = np.array([(abs(sequence[0]), abs(sequence[-1] - target)) for sequence in sequences])
+        np.testing.assert_allclose(most.ends, [d / 2, slack + d / 2] - ends.mean(axis=0), atol=1e-12)
+        lengths = np.hypot(*weight.T)
+        interpolation = d**2 / 8 * grid.dt * vehicle.thrust_max * (lengths[:-1] + lengths[1:]).sum() / 2
+        assert most.interpolation == pytest.approx(interpolation, rel=1e-12)
+
+
+def decimal_table(turn: int, count: int) -> tuple[Decimal, dict[int, Decimal], dict[int, Decimal]]:
+    """Return pi, and sine and cosine of the multiples of 2 pi / turn up to `count`, to the digits of the context."""
+
+    # Machin's formula, the power series, and from there one rotation after the other.
+    def arctan_inverse(n):
+        return sum((-1) ** k / (Decimal(2 * k + 1) * n ** (2 * k + 1)) for k in range(40))
+
+    pi = 4 * (4 * arctan_inverse(5) - arctan_inverse(239))
+    d, term, parts = 2 * pi / turn, Decimal(1), [Decimal(0), Decimal(0)]
+    for k in range(60):
+        parts[k % 2] += (-1) ** (k // 2) * term
+        term *= d / (k + 1)
+    sin, cos = {0: Decimal(0)}, {0: Decimal(1)}
+    for i in range(count):
+        sin[i + 1] = sin[i] * parts[0] + cos[i] * parts[1]
+        cos[i + 1] = cos[i] * parts[0] - sin[i] * parts[1]
+    sin |= {-i: -value for i, value in sin.items()}
+    cos |= {-i: value for i, value in cos.items()}
+    return pi, sin, cos
+
+
+def test_rounding_covers_what_floating_point_arithmetic_loses(generator):
+    below = 0
+    for seed in range(8):
+        grid, slack = TimeGrid(26 + seed, 20, 10.0), 0.1 * (seed % 2)
+        weight, first, last = random_weight(generator, grid), *generator.uniform(0, 2, 2)
+        most = TiltProgram(Quadrotor(), grid, 0, slack)(weight, first, last)
+        low, high = reach(grid, 0, slack)
+        with localcontext(prec=50):
+            pi, sin, cos = decimal_table(grid.turn, grid.steps + 2)
+            assert float(sin[5]) == 1.0  # a quarter of a turn
+            assert float(cos[1]) == pytest.approx(math.cos(grid.angle), abs=1e-16)
+            d = 2 * pi / grid.turn
+            dt = d / Decimal(grid.rate_max)
+            q = [[Decimal(x) for x in row] for row in weight.tolist()]
+            limits, (first, last, slack) = (
+                [Decimal(x) for x in values] for values in ((20.0, 1.0, 9.81), (first, last, slack))
+            )
+            sums = [
+                slow_sum(limits, part, sin, cos, dt, first * d, last * d, low, high, 0)[0] for part in (q[:-1], q[1:])
+            ]
+            value = sum(sums) / 2 + first * d / 2 + last * (slack + d / 2)
+            lengths = [(x * x + z * z).sqrt() for x, z in q]
+            interpolation = d * d / 8 * dt * limits[0] * (sum(lengths) - (lengths[0] + lengths[-1]) / 2)
+            lost = value + interpolation - Decimal(most.value) - Decimal(most.interpolation)
+            assert abs(lost) < Decimal(most.rounding)
+        below += lost > 0
+        assert most.rounding < 1e-10
+    assert below > 0
+
+
+# The slope.
+
+
+def test_the_slope_is_a_subgradient_that_gives_the_value(generator):
+    grid, vehicle = TimeGrid(50, 36, 10.0), Quadrotor()
+    for slack in (0.0, 0.2):
+        program = TiltProgram(vehicle, grid, 0, slack)
+        points = [(random_weight(generator, grid), *generator.uniform(0, 2, 2)) for _ in range(8)]
+        found = [program(*point) for point in points]
+        for most, (weight, first, last) in zip(found, points, strict=True):
+            value = most.value + most.interpolation
+            assert (most.slope * weight).sum() + most.ends @ [first, last] == pytest.approx(value, abs=1e-11, rel=1e-11)
+            for other, (w, f, e) in zip(found, points, strict=True):
+                support = (most.slope * w).sum() + most.ends @ [f, e]
+                assert support <= other.value + other.interpolation + 1e-9
+
+
+# The grid.
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES, ids=["default", "slow", "agile"])
+def test_the_time_of_a_grid_is_rounded_downwards(vehicle, generator):
+    # More digits of pi than a double has, from below.
+    pi = Fraction(314159265358979323846264338327950288419, 10**38)
+    for _ in range(300):
+        steps, turn = (int(n) for n in generator.integers([2, 20], [5000, 2000]))
+        grid = TimeGrid(steps, turn, vehicle.rate_max * float(generator.uniform(0.5, 2)))
+        exact = 2 * pi * steps / turn / Fraction(grid.rate_max)
+        assert exact * (1 - 16 * Fraction(UNIT)) < Fraction(grid.time) <= exact
+
+
+def test_a_grid_lasts_at_least_as_long_as_asked_for_and_little_longer(generator):
+    for time in generator.uniform(0.05, 4, 60):
+        for turn in (50, 100, 400):
+            grid = time_grid(time, 10.0, turn=turn)
+            assert time <= grid.time < time + grid.dt
+            least = max(turn, math.ceil(LEAST_STEPS * 2 * math.pi / (10.0 * time)))  # a hundred instants, however short
+            assert least <= grid.turn <= round(1.2 * least)
+            assert grid.steps >= LEAST_STEPS
+            assert grid.dt * grid.rate_max == pytest.approx(grid.angle, rel=1e-15)
+            # Even a time that a grid has itself is not undercut by rounding.
+            assert time_grid(grid.time, 10.0, turn=turn).time == grid.time
+            later = math.nextafter(grid.time, math.inf)
+            assert time_grid(later, 10.0, turn=turn).time >= later
+
+
+def test_a_smaller_gap_asks_for_smaller_angles():
+    assert angles_for(1e-3) == 400
+    assert angles_for(1e-3 / 4) == 800
+    assert angles_for(1.0) == 100
