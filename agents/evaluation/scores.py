@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from agents.evaluation.bootstrap import iqm
 from agents.evaluation.optima import Optima, optima
-from agents.evaluation.rollouts import CALM, fly
+from agents.evaluation.rollouts import CALM, Flights, fly
 from agents.evaluation.versions import versions
 from agents.policies.policy import Policy
 from flatgym.quadrotor import Array
@@ -93,8 +93,30 @@ def flight_rows(
     if optimum is not None and optimum.scenario != target:
         raise ValueError(f"optimum must be one of {target.name!r}, got that of {optimum.scenario.name!r}")
     flights = fly(policy, target, episodes, seed, disturbances)
-    seeds = seed + np.arange(episodes)
-    k_star, proven = optima(target, seeds, store) if optimum is None else Optima.of([optimum]).repeat(episodes)
+    return score_flights(flights, target, seed, optimum=optimum, disturbances=disturbances, store=store)
+
+
+def score_flights(
+    flights: Flights,
+    problem: ProblemLike,
+    seed: int = EVALUATION_SEED,
+    *,
+    optimum: FewestSteps | None = None,
+    disturbances: Disturbances = CALM,
+    store: str | Path | None = None,
+) -> pd.DataFrame:
+    """Return one row for each episode, as `flight_rows` does, of episodes that `fly` has returned.
+
+    Args:
+        flights: the episodes, with consecutive seeds.
+        problem, seed, optimum, disturbances, store: as in `flight_rows`.
+
+    Raises:
+        FasterThanOptimal, SolveFailed: as in `flight_rows`.
+    """
+    target = catalogue.problem(problem)
+    seeds = seed + np.arange(len(flights.steps))
+    k_star, proven = optima(target, seeds, store) if optimum is None else Optima.of([optimum]).repeat(len(seeds))
     succeeded = np.array([word == "goal" for word in flights.outcomes])
     for i in np.flatnonzero(succeeded & (flights.steps < k_star) & (not disturbances.active)):
         flown = target if isinstance(target, Scenario) else target.scenario(int(seeds[i]))
