@@ -20,9 +20,11 @@ from experiments.measurements.sections import Advance, convergence_order, random
 from flatgym import SCENARIOS
 from flatgym.quadrotor import Array
 from optimal.flat.following import follow
+from optimal.flat.initial_guess import motion, slow_start
 from optimal.flat.planning import plan, pose
 from optimal.flat.program import solve_program
-from optimal.flat.refinement import INTERVALS, FlatSolution, motion, slow_start
+from optimal.flat.refinement import INTERVALS
+from optimal.flat.solution import FlatSolution
 from optimal.flat.trajectory import FlatTrajectory
 from optimal.indirect.pontryagin import fastest
 from optimal.paths.corridors import corridor, is_printed, paper_corridor

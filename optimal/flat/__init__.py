@@ -1,1 +1,18 @@
-"""The paper's method: flat outputs along a path, equations (8) and (10)."""
+"""The flat method, equations (8) and (10) of the paper.
+
+splines             spline spaces of the unknowns: weights p_i(s) and squared path speed b(s)
+bernstein           proven bounds of piecewise polynomials
+bounds              proven bounds of thrust, rate and position of a flat motion
+trajectory          the motion in time: eqs. (6), (7), (9)
+limits              violation of limits in continuous time, and uniform time scaling
+problem             values: the problem, an iterate, a trust region
+check_grid          the grid, and the checks at which limits are imposed
+transcription       eq. (10) as a parametric nonlinear program
+program_data        its parameters and bounds
+program             one solve on a fixed grid
+initial_guess       the slow start of section II-E, and the first solution
+solution            the result, with its status
+refinement          mesh refinement and constraint tightening until limits hold in continuous time
+planning            `plan`: eq. (10)
+following           `follow`: eq. (8)
+"""

@@ -1,17 +1,17 @@
-"""Proven bounds of piecewise polynomials and of their quotients, by Bernstein coefficients.
+"""Proven bounds of piecewise polynomials and of their quotients, from Bernstein coefficients.
 
 On a piece, with u from 0 to 1, a polynomial of degree n is
 
-    f(u) = sum over i = 0..n of f_i binom(n, i) u^i (1 - u)^(n-i),
+    f(u) = sum over i = 0..n of f_i binom(n, i) u^i (1 - u)^(n-i).
 
-a convex combination of its coefficients, so none of its values exceeds the largest of them. A
-quotient f/d, all d_i > 0, is a convex combination of the f_i/d_i, with weights proportional to
-d_i binom(n, i) u^i (1 - u)^(n-i). Both bounds come closer with the square of the piece's width;
-pieces that may hold the maximum are halved until bound and attained value agree.
+This is a convex combination of the coefficients f_i, so no value exceeds the largest f_i. A quotient f/d with all
+d_i > 0 is a convex combination of the f_i/d_i, with weights proportional to d_i binom(n, i) u^i (1 - u)^(n-i). Both
+bounds converge with the square of the width of a piece. Pieces that may contain the maximum are bisected until bound
+and attained value agree.
 
-Rounding: every polynomial carries a bound of the error of its coefficients. Products and halvings
-are sums with positive weights that add up to 1, so that each costs at most a few units in the last
-place of the largest product, times the number of terms. Bounds of values are taken outwards by it.
+Rounding: every polynomial carries a bound of the error of its coefficients. Products and bisections are sums with
+positive weights that add up to 1. Each of them adds at most a few units in the last place of the largest product,
+times the number of terms. Bounds of values are rounded outwards by the accumulated error.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from numpy.typing import NDArray
 from flatgym.quadrotor import Array
 
 EPS = float(np.finfo(np.float64).eps)
-DERIVED = 64
-"""Units in the last place that a derivative handed to `taylor` may be wrong by."""
-HALVINGS, MOST = 50, 20000
-"""How often pieces are halved at most, and how many pieces are looked at at a time."""
+DERIVATIVE_ERROR = 64
+"""Assumed error of the derivatives passed to `taylor`, in units in the last place."""
+MAX_BISECTIONS, MAX_PIECES = 50, 20000
+"""Most bisections of a piece, and most pieces considered at a time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """A polynomial on each of m pieces.
+    """Polynomials on m pieces, one for each piece.
 
     Attributes:
         coefficients: Bernstein coefficients of each piece, shape (m, degree + 1).
-        error: by how much any coefficient of a piece may be wrong, shape (m,).
+        error: bound of the error of the coefficients of each piece, shape (m,).
     """
 
     coefficients: Array
@@ -52,7 +52,7 @@ class Pieces:
 
     @property
     def size(self) -> Array:
-        """The largest coefficient of each piece, its error included, shape (m,)."""
+        """The largest absolute coefficient of each piece, including its error, shape (m,)."""
         return np.asarray(np.abs(self.coefficients).max(axis=1) + self.error)
 
     def __neg__(self) -> Pieces:
@@ -85,13 +85,13 @@ class Pieces:
     __rmul__ = __mul__
 
     def raised(self, degree: int) -> Pieces:
-        """Return the same polynomials as ones of a higher degree."""
+        """Return the same polynomials in the basis of a higher degree (degree elevation)."""
         if degree == self.degree:
             return self
         return self * Pieces(np.ones((len(self.error), degree - self.degree + 1)), np.zeros(len(self.error)))
 
     def halves(self) -> Pieces:
-        """Return left and right halves of all pieces, de Casteljau's algorithm, shape (2 m, degree + 1)."""
+        """Return the left, then the right halves of all m pieces (2 m pieces), by de Casteljau's algorithm."""
         matrix = _halving(self.degree)
         left, right = self.coefficients @ matrix.T, self.coefficients[:, ::-1] @ matrix.T
         error = np.tile(self.error + (self.degree + 4) * EPS * self.size, 2)
@@ -114,21 +114,21 @@ def _halving(n: int) -> Array:
 
 
 def constant(value: float, count: int) -> Pieces:
-    """Return a constant on so many pieces."""
+    """Return a constant on `count` pieces."""
     return Pieces(np.full((count, 1), float(value)), np.zeros(count))
 
 
 def taylor(derivatives: Sequence[Array], width: Array) -> Pieces:
-    """Return the polynomials with these derivatives at the left ends of pieces.
+    """Return the polynomials with given derivatives at the left ends of pieces.
 
     Args:
-        derivatives: of order 0 to the degree, each of shape (m,), right in all but their last digits (DERIVED).
-        width: of the pieces, shape (m,).
+        derivatives: derivatives of order 0 to the degree, shape (m,) each, correct up to DERIVATIVE_ERROR.
+        width: widths of the pieces, shape (m,).
     """
     n = len(derivatives) - 1
     terms = np.stack([d * width**i / math.factorial(i) for i, d in enumerate(derivatives)], axis=-1)
     to_bernstein = np.array([[math.comb(j, i) / math.comb(n, i) for i in range(n + 1)] for j in range(n + 1)])
-    error = (DERIVED + 2 * n + 4) * EPS * np.abs(terms).sum(axis=-1)
+    error = (DERIVATIVE_ERROR + 2 * n + 4) * EPS * np.abs(terms).sum(axis=-1)
     return Pieces(terms @ to_bernstein.T, error)
 
 
@@ -137,22 +137,23 @@ def maximum(numerator: Pieces, denominator: Pieces | None = None, tolerance: flo
 
     Args:
         numerator: f.
-        denominator: d, by default 1; where it is not shown to be positive the bound is inf.
-        tolerance: by how much, relative to its size or to 1, the bound may exceed what is attained.
+        denominator: d, 1 by default. If d is not proven to be positive, the bound is inf.
+        tolerance: greatest difference between bound and attained value at which bisection stops, relative to
+            the value or to 1.
     """
     f = numerator
     d = constant(1.0, len(f.error)) if denominator is None else denominator
     degree = max(f.degree, d.degree)
     f, d = f.raised(degree), d.raised(degree)
     attained, bound = -math.inf, -math.inf
-    for _ in range(HALVINGS):
+    for _ in range(MAX_BISECTIONS):
         greatest, ends = _ratios(f, d)
         attained = max(attained, float(ends.max(initial=-math.inf)))
         slack = tolerance * max(1.0, abs(attained)) if math.isfinite(attained) else 0.0
         open_ = ~(greatest <= attained + slack)
         bound = max(bound, float(greatest[~open_].max(initial=-math.inf)))
         f, d = f[open_], d[open_]
-        if not open_.any() or open_.sum() > MOST:
+        if not open_.any() or open_.sum() > MAX_PIECES:
             break
         f, d = f.halves(), d.halves()
     remaining = _ratios(f, d)[0]
@@ -160,7 +161,7 @@ def maximum(numerator: Pieces, denominator: Pieces | None = None, tolerance: flo
 
 
 def _ratios(f: Pieces, d: Pieces) -> tuple[Array, Array]:
-    """Return an upper bound of f/d on each piece, inf where d may vanish, and what it attains at an end."""
+    """Return an upper bound of f/d on each piece, inf where d may vanish, and the greater of its two end values."""
     top = f.coefficients + f.error[:, None]
     least, most = d.coefficients - d.error[:, None], d.coefficients + d.error[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):

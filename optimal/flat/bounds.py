@@ -1,14 +1,14 @@
-"""What a flat motion of the planar quadrotor does at most, proven in continuous time.
+"""Proven bounds of thrust, rate and position of a flat motion of the planar quadrotor, in continuous time.
 
-Outer paths y_i(s), weights p_i(s) and squared speed b(s) are polynomials between the nodes and the
-paths' knots, and so are, with ' = d/ds and g upwards,
+Outer paths y_i(s), weights p_i(s) and squared speed b(s) are polynomials between the nodes and the knots of the paths.
+With ' = d/ds and the z axis upwards, the following are polynomials too:
 
     A  = y'' b + y' b'/2 + (0, g),                thrust^2 = |A|^2,
     A' = y''' b + 3/2 y'' b' + y' b''/2,          rate^2 = b (A_x' A_z - A_x A_z')^2 / |A|^4.
 
-Their Bernstein coefficients (`optimal.flat.bernstein`) bound them. A path that is no piecewise
-polynomial, a b not shown to be positive, or an A that jumps where pieces meet - the tilt would turn
-in no time - shows nothing: the range is infinite.
+Their Bernstein coefficients bound them (`optimal.flat.bernstein`). No bound is proven, and the range is infinite, for
+a path that is not a piecewise polynomial, if b is not proven to be positive, or if A jumps between pieces. A jump of A
+would turn the tilt at an infinite rate.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from optimal.paths.chain_rule import composed
 from optimal.paths.curves import BezierPath, BSplinePath, Path, PolynomialPath, Resting, smoothstep
 
 JUMP = 1e-9
-"""How far the thrust vectors of two pieces that meet may be apart, relative to their length: rounding's share."""
+"""Difference of the thrust vectors of two adjacent pieces, relative to their length, that counts as rounding."""
 UNKNOWN = np.array([[-math.inf, -math.inf], [math.inf, math.inf]])
 
 
 class FlatMotion(Protocol):
-    """What the bounds are computed from; `optimal.flat.trajectory.FlatTrajectory` has it."""
+    """The data of a flat motion that the bounds need. `optimal.flat.trajectory.FlatTrajectory` provides them."""
 
     @property
     def outer_paths(self) -> tuple[Path, ...]:
@@ -41,7 +41,7 @@ class FlatMotion(Protocol):
 
     @property
     def nodes(self) -> Array:
-        """Path coordinates between which everything is smooth, from 0 to 1, shape (N + 1,)."""
+        """Path coordinates between which all functions are smooth, from 0 to 1, shape (N + 1,)."""
 
     @property
     def weights(self) -> BSpline:
@@ -53,7 +53,7 @@ class FlatMotion(Protocol):
 
 
 def control_range(flight: FlatMotion, gravity: float) -> Array:
-    """Return least and greatest [thrust, rate] of a motion in the plane, proven, shape (2, 2); infinite if not shown.
+    """Return proven least and greatest [thrust, rate] of a planar motion, shape (2, 2); infinite if not proven.
 
     Args:
         flight: the motion.
@@ -75,12 +75,12 @@ def control_range(flight: FlatMotion, gravity: float) -> Array:
     ]
     square = ahead[0] * ahead[0] + ahead[1] * ahead[1]
     cross = turned[0] * ahead[1] - ahead[0] * turned[1]
-    rate = _root(maximum(b * cross * cross, square * square)) if _meet(ahead) else math.inf
+    rate = _root(maximum(b * cross * cross, square * square)) if _continuous(ahead) else math.inf
     return np.array([[_root(-maximum(-square)), -rate], [_root(maximum(square)), rate]])
 
 
 def support_bound(flight: FlatMotion, direction: Array) -> float:
-    """Return a proven upper bound of y . direction over a motion [m]; inf if not shown."""
+    """Return a proven upper bound of y . direction over a motion [m]; inf if not proven."""
     if (ends := knots(flight)) is None:
         return math.inf
     x, z = path_pieces(flight, ends[:-1], np.diff(ends), 0)[0]
@@ -88,7 +88,7 @@ def support_bound(flight: FlatMotion, direction: Array) -> float:
 
 
 def distance_bound(flight: FlatMotion, point: Array) -> float:
-    """Return a proven lower bound of |y - point| over a motion [m]; 0 if not shown."""
+    """Return a proven lower bound of |y - point| over a motion [m]; 0 if not proven."""
     if (ends := knots(flight)) is None:
         return 0.0
     x, z = path_pieces(flight, ends[:-1], np.diff(ends), 0)[0]
@@ -100,20 +100,22 @@ def _root(square: float) -> float:
     return math.sqrt(max(square, 0.0))
 
 
-def _meet(ahead: list[Pieces]) -> bool:
-    """Return whether the thrust vectors of neighbouring pieces agree."""
+def _continuous(ahead: list[Pieces]) -> bool:
+    """Return whether the thrust vectors of adjacent pieces agree at their common end."""
     jumps = [part.coefficients[1:, 0] - part.coefficients[:-1, -1] for part in ahead]
     length = np.hypot(*(part.coefficients[1:, 0] for part in ahead))
     return bool((np.hypot(*jumps) <= JUMP * length).all())
 
 
 def knots(flight: FlatMotion) -> Array | None:
-    """Return the coordinates between which everything is a polynomial; None where a path is not made of such."""
-    found = [_path_knots(path) for path in flight.outer_paths]
-    if any(k is None for k in found):
+    """Return the path coordinates between which all functions are polynomials; None if a path is not piecewise
+    polynomial.
+    """
+    path_knots = [_path_knots(path) for path in flight.outer_paths]
+    if any(k is None for k in path_knots):
         return None
-    inside = [k for k in found if k is not None]
-    splines = [flight.weights.t, flight.squared_speed.t] if len(found) > 1 else [flight.squared_speed.t]
+    inside = [k for k in path_knots if k is not None]
+    splines = [flight.weights.t, flight.squared_speed.t] if len(path_knots) > 1 else [flight.squared_speed.t]
     every = np.unique(np.concatenate([flight.nodes, *inside, *splines]))
     return np.asarray(every[(every >= 0) & (every <= 1)])
 
@@ -141,14 +143,14 @@ def _degree(path: Path) -> int:
         return len(path.points) - 1
     if isinstance(path, BSplinePath):
         return path.degree
-    raise TypeError(f"a {type(path).__name__} is not known to be made of polynomials")
+    raise TypeError(f"a {type(path).__name__} is not known to be a piecewise polynomial")
 
 
 def path_pieces(flight: FlatMotion, begin: Array, width: Array, order: int = 3) -> list[list[Pieces]]:
-    """Return y and its derivatives with respect to s, up to an order, each as a list of coordinates."""
+    """Return y and its s-derivatives up to an order, each as a list of coordinates, by Leibniz' rule."""
     orders = range(order + 1)
     last = [outer_pieces(flight.outer_paths[-1], k, begin, width) for k in orders]
-    found = [list(coordinates) for coordinates in last]
+    derivatives = [list(coordinates) for coordinates in last]
     for i, path in enumerate(flight.outer_paths[:-1]):
         apart = [
             [mine - other for mine, other in zip(outer_pieces(path, k, begin, width), last[k], strict=True)]
@@ -157,14 +159,14 @@ def path_pieces(flight: FlatMotion, begin: Array, width: Array, order: int = 3) 
         weight = BSpline(flight.weights.t, flight.weights.c[..., i], flight.weights.k)
         share = [spline_pieces(weight, k, begin, width) for k in orders]
         for o in orders:
-            for c in range(len(found[o])):
+            for c in range(len(derivatives[o])):
                 terms = [share[k] * apart[o - k][c] * float(math.comb(o, k)) for k in range(o + 1)]
-                found[o][c] = reduce(add, terms, found[o][c])
-    return found
+                derivatives[o][c] = reduce(add, terms, derivatives[o][c])
+    return derivatives
 
 
 def outer_pieces(path: Path, order: int, begin: Array, width: Array) -> list[Pieces]:
-    """Return the derivative of a path of that order with respect to s as pieces, coordinate by coordinate."""
+    """Return the derivative of an outer path of the given order with respect to s, one entry for each coordinate."""
     if isinstance(path, Resting):
         return _composed(path, order, begin, width)
     derivatives = [path(begin, k) for k in range(order, max(order, _degree(path)) + 1)]
@@ -172,22 +174,22 @@ def outer_pieces(path: Path, order: int, begin: Array, width: Array) -> list[Pie
 
 
 def spline_pieces(spline: BSpline, order: int, begin: Array, width: Array) -> Pieces:
-    """Return the derivative of a scalar spline of that order as pieces.
+    """Return the derivative of a scalar spline of the given order as pieces.
 
-    Differences of differences of its coefficients lose less than derivatives of basis functions would.
+    Repeated differences of its coefficients lose fewer digits than derivatives of the basis functions.
     """
     derivatives, t, c = [], spline.t, spline.c
     for degree in range(spline.k, -1, -1):
         derivatives.append(BSpline(t, c, degree)(begin))
         span = t[degree + 1 : -1] - t[1 : -degree - 1]
-        # Where knots coincide there is no piece for the coefficient to matter on.
+        # Between coinciding knots there is no piece on which the coefficient is active.
         c = np.diff(c) * degree / np.where(span > 0, span, 1.0)
         t = t[1:-1]
     return taylor(derivatives[order:] or [np.zeros_like(begin)], width)
 
 
 def _composed(path: Resting, order: int, begin: Array, width: Array) -> list[Pieces]:
-    """Return the derivative of y(q(s)), the inner Taylor series summed by Horner's rule, Faa di Bruno's outside."""
+    """Return the derivative of y(q(s)) by Faa di Bruno's formula; Horner's rule sums the Taylor series of y."""
     q = smoothstep(path.order)
     inner = [taylor([q.deriv(i)(begin) for i in range(k, q.degree() + 1)], width) for k in range(order + 1)]
     at = np.clip(q(begin), 0.0, 1.0)
@@ -203,7 +205,7 @@ def _composed(path: Resting, order: int, begin: Array, width: Array) -> list[Pie
                 value = outer[j][:, c] / math.factorial(j - k)
                 total = total * ahead + Pieces(value[:, None], 64 * np.finfo(np.float64).eps * np.abs(value))
             parts.append(total)
-        found = composed(parts, inner[1:], order)
-        return found if isinstance(found, Pieces) else constant(float(found), len(at))
+        derivative = composed(parts, inner[1:], order)
+        return derivative if isinstance(derivative, Pieces) else constant(float(derivative), len(at))
 
     return [coordinate(c) for c in range(outer[0].shape[-1])]

@@ -1,12 +1,12 @@
-"""Path following, paper eq. (8): the path is given, and only how fast to travel it is not.
+"""Path following, paper eq. (8): the path is given, and its time law is optimised.
 
     minimise    T = integral of ds / sqrt(b)
     subject to  b > 0,  states and inputs within their limits.
 
-This is eq. (10) with a single outer path, and solved as that (`optimal.flat.planning`). A regular curve
-(y' nowhere zero) cannot be left from rest with b > 0, and b = 0 would make T infinite for systems of
-third order (section II-E); so it is run through as y(q(s)), with a smoothstep q whose derivatives
-below the system's order vanish at both ends. The path flown is the same.
+This is eq. (10) with a single outer path, and is solved as such (`optimal.flat.planning`). On a regular curve
+(y' nowhere zero) a motion from rest needs b = 0 at the ends, where T is infinite for systems of third order
+(section II-E). A regular curve is therefore reparametrised as y(q(s)), where q is a smoothstep whose derivatives
+below the order of the system vanish at both ends. The geometric path is unchanged.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ import numpy as np
 
 from flatgym.quadrotor import Quadrotor
 from optimal.flat.planning import pose
-from optimal.flat.refinement import INTERVALS, FlatSolution, optimise
+from optimal.flat.refinement import INTERVALS, optimise
+from optimal.flat.solution import FlatSolution
 from optimal.paths.curves import Path, Resting, require_regular
 from optimal.systems import FlatSystem, PlanarQuadrotor
 
@@ -30,17 +31,17 @@ def follow(
     """Return the fastest motion along a path, from rest to rest.
 
     Args:
-        path: answers `path(s, order)` for s in [0, 1], with as many continuous derivatives as the
-            system's order has; regular (y' nowhere zero), or at rest at both ends and regular between.
-        system: what moves, with its limits; a planar quadrotor by default.
-        checks: "certified", or "nodes", as `optimal.plan` has it.
-        intervals: pieces of b on the first grid.
+        path: answers `path(s, order)` for s in [0, 1], with as many continuous derivatives as the order of the
+            system; regular (y' nowhere zero), or at rest at both ends and regular between.
+        system: the flat system with its limits; a planar quadrotor by default.
+        checks: "certified" or "nodes", as in `optimal.plan`.
+        intervals: intervals of the first grid, at least 4.
 
     Returns:
-        The solution; where the solve fails its time is inf and its status says why.
+        The solution. If the solve fails, its time is inf and its status gives the reason.
 
     Raises:
-        ValueError: for a path that stands still on the way, or of the wrong number of coordinates.
+        ValueError: for a path that stands still between its ends, or has the wrong number of coordinates.
 
     Source: eq. (8), in the corrected form of `optimal.flat.trajectory`.
     """

@@ -1,14 +1,14 @@
-"""Path planning and path following as one fixed-end problem, paper eq. (10), for any flat system.
+"""Path planning and path following as one problem with fixed ends, paper eq. (10), for any flat system.
 
-The path is y(s) = sum p_i(s) y_i(s), p_i >= 0, sum p_i = 1, travelled with ds/dt = sqrt(b(s)), and
+The path is y(s) = sum p_i(s) y_i(s), p_i >= 0, sum p_i = 1, travelled with ds/dt = sqrt(b(s)):
 
     minimise    T = integral of ds / sqrt(b)                                                (7)
     subject to  b > 0,  states and inputs within their limits,                              (10)
                 at rest at s = 0 and s = 1.
 
-(The paper misprints the time element as ds/sqrt(s).) `optimal.flat.program` is the transcription,
-`optimal.flat.refinement` the way to its solution. `checks="nodes"` is the paper's discretisation and
-lies between its nodes; `checks="certified"` holds in continuous time.
+The paper misprints the time element as ds/sqrt(s). `optimal.flat.transcription` discretises the problem and
+`optimal.flat.refinement` solves it. `checks="nodes"` is the paper's discretisation, which violates limits between
+its nodes. `checks="certified"` keeps the limits in continuous time.
 """
 
 from __future__ import annotations
@@ -19,13 +19,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flatgym.quadrotor import Quadrotor
-from optimal.flat.problem import Problem
-from optimal.flat.refinement import INTERVALS, FlatSolution, central, motion, optimise
+from optimal.flat.initial_guess import central, motion
+from optimal.flat.problem import PlanningProblem
+from optimal.flat.refinement import INTERVALS, optimise
+from optimal.flat.solution import FlatSolution
 from optimal.paths.curves import Path
 from optimal.systems import FlatSystem, PlanarQuadrotor
 
 STANDSTILL = 1e-6
-"""The least |y'| of a path that leads somewhere [m]."""
+"""|dy/ds| up to which a path counts as standing still [m]."""
 
 
 def plan(
@@ -40,23 +42,23 @@ def plan(
     """Return the fastest motion between outer paths, from rest to rest.
 
     Args:
-        outer_paths: k >= 2 paths answering `path(s, order)`, as often differentiable as the system's
-            order, at rest (y' = 0) at s = 0 and 1; `optimal.paths.corridors` makes them.
-        system: what moves, with its limits; a planar quadrotor by default.
+        outer_paths: k >= 2 paths that answer `path(s, order)`, with as many derivatives as the order of the system,
+            at rest (y' = 0) at s = 0 and s = 1. `optimal.paths.corridors` builds them.
+        system: the flat system with its limits; a planar quadrotor by default.
         ends: the weights of all paths at s = 0 and s = 1, shape (2, k); 1/k by default.
-        conditions: "explicit": the state at both ends is a constraint; "implicit": all derivatives of
-            the weights below the system's order vanish there, as the paths' must (section II-E).
-        checks: "certified": limits hold in continuous time; "nodes": as published, at grid nodes only,
-            with what happens in between as the solution's violation.
-        intervals: pieces of the weights and of b on the first grid.
+        conditions: "explicit": the state at both ends is a constraint. "implicit": all derivatives of the weights
+            below the order of the system vanish there, as those of the paths must (section II-E).
+        checks: "certified": limits hold in continuous time. "nodes": as published, limits hold at grid nodes only;
+            the solution reports the violation between them.
+        intervals: intervals of the first grid, at least 4.
 
     Returns:
-        The solution; where the solve fails its time is inf and its status says why.
+        The solution. If the solve fails, its time is inf and its status gives the reason.
 
     Raises:
-        ValueError: for arguments that describe no problem.
+        ValueError: for arguments that do not define a problem.
 
-    Source: eq. (10), started as section II-E proposes.
+    Source: eq. (10), started as in section II-E.
     """
     problem = pose(outer_paths, system, ends, conditions, checks)
     if len(outer_paths) < 2:
@@ -70,8 +72,12 @@ def pose(
     ends: ArrayLike | None,
     conditions: str,
     checks: str,
-) -> Problem:
-    """Return the validated problem."""
+) -> PlanningProblem:
+    """Return the validated problem; arguments as of `plan`, with k >= 1 outer paths.
+
+    Raises:
+        ValueError: for arguments that do not define a problem.
+    """
     system = PlanarQuadrotor(system or Quadrotor()) if not isinstance(system, FlatSystem) else system
     paths = tuple(outer_paths)
     weights = np.full((2, len(paths)), 1 / len(paths)) if ends is None else np.asarray(ends, dtype=np.float64)
@@ -89,15 +95,16 @@ def pose(
                 f"path {i} has {np.shape(path(0.0))[-1]} coordinates, but {type(system).__name__} needs "
                 f"{len(system.outputs)}: {', '.join(system.outputs)}"
             )
-    # Only lifted attitudes can be held upright by themselves; else the jet must vanish.
+    # A lifted attitude is constrained at the ends by its own bounds. Without one, the derivatives must vanish.
     explicit = conditions == "explicit" and bool(system.lift().names)
-    problem = Problem(system, paths, weights, checks == "certified", 1 if explicit else system.order - 1)
+    problem = PlanningProblem(system, paths, weights, checks == "certified", 1 if explicit else system.order - 1)
     _require_rest(problem, explicit)
-    _require_way(problem)
+    _require_moving(problem)
     return problem
 
 
-def _require_rest(problem: Problem, explicit: bool) -> None:
+def _require_rest(problem: PlanningProblem, explicit: bool) -> None:
+    """Refuse outer paths that are not at rest at both ends; implicit conditions include all orders below beta."""
     for s, weights in zip((0.0, 1.0), problem.ends, strict=True):
         for order in range(1, 2 if explicit else problem.system.order):
             values = [w * path(s, order) for w, path in zip(weights, problem.outer_paths, strict=True)]
@@ -109,12 +116,12 @@ def _require_rest(problem: Problem, explicit: bool) -> None:
                 )
 
 
-def _require_way(problem: Problem) -> None:
-    """Refuse paths between which a motion would stand still on the way, as where start and goal are one point."""
+def _require_moving(problem: PlanningProblem) -> None:
+    """Refuse outer paths whose central path stands still between its ends, for example if start and goal coincide."""
     s = np.linspace(0.02, 0.98, 193)
     speed = np.linalg.norm(motion(problem, central(problem, 4)).path(s, 1), axis=-1)
     if not np.all(speed > STANDSTILL):
         raise ValueError(
-            f"the path centrally between the outer paths stands still at s = {s[np.argmin(speed)]:.2f}: needs y' != 0 "
-            "between the ends; move the outer paths, or the weights at the ends"
+            f"the central path between the outer paths stands still at s = {s[np.argmin(speed)]:.2f}, but y' must not "
+            "vanish between the ends; move the outer paths, or change the weights at the ends"
         )

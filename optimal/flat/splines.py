@@ -1,13 +1,13 @@
-"""Splines on a grid of path coordinates, as the flat program wants them: one polynomial an interval.
+"""Spline spaces of the flat program: one polynomial on each interval of a grid of path coordinates.
 
-As published, the weights' derivative of order beta and b's of order beta - 1 are constant on every
-interval: splines of those degrees with simple inner knots. Certified, both have one degree more and
-double knots, so that the control of eq. (10) is linear on an interval and jumps between them. A
-limit can then be kept all along an interval, where a constant control touches it at one point, and
-the error falls with the square of the interval instead of linearly.
+As published, the derivative of order beta of the weights and the derivative of order beta - 1 of b are constant on
+every interval: splines of degree beta and beta - 1 with simple inner knots. The certified discretisation raises both
+degrees by one and uses double inner knots. The control of eq. (10) is then linear on an interval and may jump at
+nodes. A linear control can stay at a limit along a whole interval, whereas a constant control touches it at one point,
+and the error decreases with the square of the interval length instead of linearly.
 
-B-spline coefficients are the unknowns: continuity is exact, and coefficients within [0, 1] keep the
-spline there everywhere, not at nodes only.
+The unknowns are B-spline coefficients. Continuity then holds exactly, and coefficients in [0, 1] keep the spline in
+[0, 1] everywhere, not only at nodes.
 """
 
 from __future__ import annotations
@@ -23,32 +23,34 @@ from flatgym.quadrotor import Array
 
 @dataclass(frozen=True, eq=False)
 class SplineSpace:
-    """All splines of one degree on a grid.
+    """The space of splines of one degree on a grid.
 
     Attributes:
-        nodes: where the polynomials meet, increasing from 0 to 1, shape (N + 1,).
-        degree: of the polynomials.
-        jumps: how many of their derivatives may jump at a node: the multiplicity of inner knots.
+        nodes: grid nodes, increasing from 0 to 1, shape (N + 1,).
+        degree: degree of the polynomials.
+        multiplicity: multiplicity of the inner knots: how many derivatives may jump at a node.
     """
 
     nodes: Array
     degree: int
-    jumps: int
+    multiplicity: int
 
     @property
     def knots(self) -> Array:
-        """The knots, ends repeated degree + 1 times."""
+        """The knot vector, both ends repeated degree + 1 times."""
         ends = np.ones(self.degree + 1)
-        return np.concatenate([ends * self.nodes[0], np.repeat(self.nodes[1:-1], self.jumps), ends * self.nodes[-1]])
+        return np.concatenate(
+            [ends * self.nodes[0], np.repeat(self.nodes[1:-1], self.multiplicity), ends * self.nodes[-1]]
+        )
 
     @property
     def size(self) -> int:
         """The number of coefficients."""
-        return self.jumps * (len(self.nodes) - 2) + self.degree + 1
+        return self.multiplicity * (len(self.nodes) - 2) + self.degree + 1
 
     @property
     def centres(self) -> Array:
-        """The Greville abscissae: where each coefficient has most weight, shape (size,)."""
+        """The Greville abscissae of the coefficients, shape (size,)."""
         knots = self.knots
         return np.array([knots[i + 1 : i + self.degree + 1].mean() for i in range(self.size)])
 
@@ -57,17 +59,23 @@ class SplineSpace:
         return BSpline(self.knots, coefficients, self.degree)
 
     def local(self, interval: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Return the indices of the coefficients that matter on intervals, shape (..., degree + 1)."""
-        return self.jumps * interval[..., None] + np.arange(self.degree + 1)
+        """Return the indices of the coefficients that are active on intervals, shape (..., degree + 1)."""
+        return self.multiplicity * interval[..., None] + np.arange(self.degree + 1)
 
     def basis(self, interval: NDArray[np.intp], s: Array, order: int) -> Array:
-        """Return derivatives of the local basis, shape (len(s), degree + 1); s taken from inside its interval."""
+        """Return derivatives of the active basis functions, shape (len(s), degree + 1).
+
+        Args:
+            interval: index of the interval of each s, shape (len(s),).
+            s: path coordinates; at the right end of an interval the derivative from inside is returned.
+            order: order of the derivative.
+        """
         inside = np.clip(s, self.nodes[interval], np.nextafter(self.nodes[interval + 1], -1.0))
         every = BSpline(self.knots, np.eye(self.size), self.degree)(inside, nu=order)
         return np.asarray(every[np.arange(len(s))[:, None], self.local(interval)])
 
     def fitted(self, spline: BSpline) -> Array:
-        """Return the coefficients of the nearest spline of this space; exact where the grids are nested."""
+        """Return the coefficients of the least-squares fit to a spline. The fit is exact on nested grids."""
         share = (np.arange(self.degree + 3) + 0.5) / (self.degree + 3)
         s = np.concatenate([[0.0], (self.nodes[:-1, None] + np.diff(self.nodes)[:, None] * share).ravel(), [1.0]])
         matrix = BSpline.design_matrix(s, self.knots, self.degree).toarray()

@@ -1,18 +1,18 @@
-"""The motion in time that weights p_i(s) and squared path speed b(s) describe, paper eqs. (6), (7), (9).
+"""The motion in time given by weights p_i(s) and squared path speed b(s), paper eqs. (6), (7), (9).
 
-The path y(s) = sum p_i(s) y_i(s), sum p_i = 1, is travelled with ds/dt = sqrt(b(s)). The flat output
-and its time derivatives follow, and states and inputs from those (`optimal.systems`). The paper
-misprints eq. (6) as s^2 = b and ds/dt = b'/2, and the time element as ds/sqrt(s); it is
+The path y(s) = sum p_i(s) y_i(s), sum p_i = 1, is travelled with ds/dt = sqrt(b(s)). Flat output, states and
+inputs follow from the path and its time law (`optimal.systems`). The paper misprints eq. (6) as s^2 = b and
+ds/dt = b'/2, and the time element as ds/sqrt(s). The correct forms are
 
     dt = ds / sqrt(b),    d2s/dt2 = b'/2.
 
-On every interval b is a polynomial, positive, and time is an integral by Gauss-Legendre quadrature
-on panels of an interval; the way back from time to path coordinate is Newton's method, to the last digit.
+On every interval b is a positive polynomial. Time is computed by Gauss-Legendre quadrature on panels of an
+interval. The inverse, from time to path coordinate, is computed by Newton's method to machine precision.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import comb
 
@@ -27,24 +27,24 @@ from optimal.paths.curves import Path
 from optimal.systems import FlatSystem, PlanarQuadrotor, along_path
 
 PANELS, QUADRATURE = 16, np.polynomial.legendre.leggauss(16)
+"""Panels of an interval, and nodes and weights of the quadrature on a panel."""
 NEWTON_STEPS = 20
-HASTE = 1.02
-"""By what factor a slow motion is hastened at a time."""
-SAMPLES, CLOSER = 32, 8
-"""Points per interval at which limits are looked at and angles followed, and around the largest excess again."""
+"""Most Newton steps from a time to its path coordinate."""
+SAMPLES = 32
+"""Points per interval at which angles are unwrapped."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlatTrajectory:
-    """A motion of a flat system along a path; exact from start to end.
+    """A motion of a flat system along a path, known at every instant.
 
-    At a breakpoint, where the highest derivatives may jump, values are those of the interval that
-    begins there.
+    At a breakpoint the highest derivatives may jump. Values there are those of the interval that begins at
+    the breakpoint.
 
     Attributes:
-        system: what moves.
-        outer_paths: the k paths y_i(s), s from 0 to 1; one alone is followed.
-        nodes: path coordinates between which everything is smooth, from 0 to 1, shape (N + 1,).
+        system: the flat system.
+        outer_paths: the k paths y_i(s), s from 0 to 1; a single path is followed.
+        nodes: path coordinates between which all functions are smooth, from 0 to 1, shape (N + 1,).
         weights: the first k - 1 weights p_i(s), a spline of shape (..., k - 1).
         squared_speed: b(s) [1/s^2], a spline.
     """
@@ -57,9 +57,9 @@ class FlatTrajectory:
 
     @property
     def quadrotor(self) -> Quadrotor:
-        """The planar quadrotor flown; an AttributeError where something else moves."""
+        """The planar quadrotor. Raises AttributeError for another system."""
         if not isinstance(self.system, PlanarQuadrotor):
-            raise AttributeError(f"this is the motion of a {type(self.system).__name__}, see `system`")
+            raise AttributeError(f"this is the motion of a {type(self.system).__name__}; use the attribute `system`")
         return self.system.quadrotor
 
     @property
@@ -69,25 +69,25 @@ class FlatTrajectory:
 
     @property
     def breakpoints(self) -> Array:
-        """The times of the nodes [s], from 0 to duration, shape (N + 1,)."""
+        """Times of the nodes [s], from 0 to duration, shape (N + 1,)."""
         return self._panels[1][::PANELS]
 
     @cached_property
     def _panels(self) -> tuple[Array, Array]:
-        """Coordinates and times at the ends of the panels, each of shape (N PANELS + 1,)."""
+        """Path coordinates and times [s] at the ends of the panels, shape (N PANELS + 1,) each."""
         share = np.arange(PANELS) / PANELS
         s = np.append((self.nodes[:-1, None] + np.diff(self.nodes)[:, None] * share).ravel(), self.nodes[-1])
         return s, np.append(0.0, np.cumsum(self._elapsed(s[:-1], s[1:])))
 
     def _elapsed(self, begin: Array, end: Array) -> Array:
-        """Return the integrals of ds/sqrt(b) from begin to end, each within one panel."""
+        """Return the integrals of ds/sqrt(b) from begin to end, each within one panel [s]."""
         points, weights = (QUADRATURE[0] + 1) / 2, QUADRATURE[1] / 2
         width = end - begin
         s = begin[..., None] + width[..., None] * points
         return width * (self.squared_speed(s) ** -0.5 @ weights)
 
     def path_coordinate(self, t: ArrayLike) -> Array:
-        """Return s at times t in [0, duration] [s], shape (...).
+        """Return the path coordinate s at times t in [0, duration] [s], shape (...).
 
         Raises:
             ValueError: for times outside the motion.
@@ -99,10 +99,10 @@ class FlatTrajectory:
         ends, times = self._panels
         panel = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(ends) - 2)
         begin, end = ends[panel], ends[panel + 1]
-        late = t - times[panel]
-        s = begin + (end - begin) * late / np.diff(times)[panel]
+        elapsed = t - times[panel]
+        s = begin + (end - begin) * elapsed / np.diff(times)[panel]
         for _ in range(NEWTON_STEPS):
-            step = (late - self._elapsed(begin, s)) * np.sqrt(self.squared_speed(s))
+            step = (elapsed - self._elapsed(begin, s)) * np.sqrt(self.squared_speed(s))
             s = np.clip(s + step, begin, end)
             if np.all(np.abs(step) <= 1e-15):
                 break
@@ -141,7 +141,7 @@ class FlatTrajectory:
         ]
 
     def jet(self, s: ArrayLike) -> list[Array]:
-        """Return the flat output and its time derivatives at path coordinates, each of shape (..., outputs)."""
+        """Return the flat output and its time derivatives at path coordinates s, shape (..., outputs) each."""
         s = np.asarray(s, dtype=np.float64)
         speed = [self.squared_speed(s, nu=k)[..., None] for k in range(self.system.order)]
         return along_path(self._path_derivatives(s, self.system.order), speed)
@@ -163,9 +163,9 @@ class FlatTrajectory:
         return self.jet(self.path_coordinate(t))[order]
 
     def state(self, t: ArrayLike) -> Array:
-        """Return the states at times t [s], angles continuous from the start, shape (..., states)."""
+        """Return the states at times t [s], shape (..., states). Angles are continuous from the start."""
         state, _ = self.system.state_and_input(self.jet(self.path_coordinate(t)))
-        for i, (times, angle) in self._followed.items():
+        for i, (times, angle) in self._unwrapped_angles.items():
             near = np.interp(np.asarray(t, dtype=np.float64), times, angle)
             state[..., i] = nearest_turn(state[..., i], near)
         return state
@@ -175,9 +175,9 @@ class FlatTrajectory:
         return self.system.state_and_input(self.jet(self.path_coordinate(t)))[1]
 
     @cached_property
-    def _followed(self) -> dict[int, tuple[Array, Array]]:
-        """Times and continuous values of every angle at many points along the motion."""
-        s = self._grid(SAMPLES)
+    def _unwrapped_angles(self) -> dict[int, tuple[Array, Array]]:
+        """Times [s] and unwrapped values [rad] of every angle along the motion, by the index of its state."""
+        s = self.interval_points(SAMPLES)
         state, _ = self.system.state_and_input(self.jet(s))
         ends, panel_times = self._panels
         panel = np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(ends) - 2)
@@ -185,98 +185,28 @@ class FlatTrajectory:
         return {i: (times.ravel(), np.unwrap(state[..., i].ravel())) for i in self.system.angles}
 
     def sample(self, dt: float) -> Samples:
-        """Return the motion at 0, dt, 2 dt, ... [s], and at its end."""
+        """Return the motion at times 0, dt, 2 dt, ... [s] and at its end."""
         return sample(self, dt)
 
-    def _grid(self, points: int) -> Array:
-        """Return equidistant coordinates within each interval, ends from inside, shape (N, points + 1)."""
+    def interval_points(self, points: int) -> Array:
+        """Return equidistant path coordinates in each interval, shape (N, points + 1).
+
+        The right end of an interval is taken from inside, for the derivatives on its own side of the node.
+        """
         s = self.nodes[:-1, None] + np.diff(self.nodes)[:, None] * np.linspace(0.0, 1.0, points + 1)
         s[:, -1] = np.nextafter(self.nodes[1:], -1.0)
         return s
 
-    def excess(self) -> Array:
-        """Return how far each interval oversteps each limit, in continuous time.
-
-        The maxima are found among samples of every interval, each side of a node with its own highest
-        derivatives, and once more around the largest.
-
-        Returns:
-            By limits of the system, relative to their scale (`FlatSystem.bounds`), negative where
-            there is room: the greatest, then the least values, shape (2, limits, N); inf where a
-            limit is exceeded beyond all numbers.
-        """
-        s = self._grid(SAMPLES)
-        coarse = self._overstep(self.jet(s))
-        largest = coarse.max(axis=-1)
-        step = np.diff(self.nodes)[:, None] / SAMPLES * np.linspace(-1, 1, 2 * CLOSER + 1)
-        top = np.take_along_axis(np.broadcast_to(s, coarse.shape), coarse.argmax(axis=-1)[..., None], axis=-1)
-        near = self._overstep(self.jet(np.clip(top + step, s[:, :1], s[:, -1:])))
-        for side, limit in np.ndindex(largest.shape[:2]):
-            closer = near[side, limit, side, limit].max(axis=-1)
-            largest[side, limit] = np.maximum(largest[side, limit], closer)
-        return largest
-
-    def _overstep(self, jet: list[Array]) -> Array:
-        """Return the overstepping of greatest and least values, shape (2, limits, ...)."""
-        _, _, low, high = self.system.bounds
-        # A thrust that passes through zero turns infinitely fast.
-        values = np.nan_to_num(self.system.limited_values(jet), nan=np.inf)
-        return np.moveaxis(np.stack([values - high, low - values]), -1, 1)
-
     def control_range(self) -> Array:
-        """Return proven bounds of [thrust, rate], least and greatest, shape (2, 2); infinite where nothing is shown."""
+        """Return proven least and greatest [thrust, rate], shape (2, 2); infinite where no bound is proven."""
         if not isinstance(self.system, PlanarQuadrotor):
             return UNKNOWN
         return control_range(self, self.system.quadrotor.gravity)
 
     def support_bound(self, direction: Array) -> float:
-        """Return a proven upper bound of position . direction [m]; inf where nothing is shown."""
+        """Return a proven upper bound of position . direction [m]; inf where no bound is proven."""
         return support_bound(self, direction)
 
     def distance_bound(self, point: Array) -> float:
-        """Return a proven lower bound of the distance to a point [m]; 0 where nothing is shown."""
+        """Return a proven lower bound of the distance to a point [m]; 0 where no bound is proven."""
         return distance_bound(self, point)
-
-    def violation(self) -> float:
-        """Return the largest overstepping of a limit relative to its scale, at least 0."""
-        return max(0.0, float(self.excess().max(initial=0.0)))
-
-    def proven_violation(self) -> float:
-        """Return a proven upper bound of `violation`; 0 where nothing is shown, sampling being all there is."""
-        bounds = self.control_range()
-        if not np.isfinite(bounds).all():
-            return 0.0
-        q = self.quadrotor
-        return max(
-            0.0, float((np.maximum(q.control_low - bounds[0], bounds[1] - q.control_high) / q.control_high).max())
-        )
-
-    def slowed(self, most: float) -> FlatTrajectory | None:
-        """Return the same path travelled just slowly enough to keep all limits.
-
-        Slower by a factor c, the k-th time derivatives fall by c^k.
-
-        Args:
-            most: the greatest c tried; None is returned where that does not do.
-        """
-        s, factor = self._grid(2 * SAMPLES), 1.0
-        jet = self.jet(s)
-        while factor <= most:
-            slower = replace(self, squared_speed=_scaled(self.squared_speed, factor**-2))
-            violation = float(self._overstep([y / factor**k for k, y in enumerate(jet)]).max(initial=0.0))
-            violation = violation or slower.violation() or slower.proven_violation()
-            if violation == 0:
-                return slower
-            factor *= 1 + 1.01 * violation + 1e-9
-        return None
-
-    def hastened(self) -> FlatTrajectory | None:
-        """Return the same path travelled faster and faster until a limit is met; None where one is exceeded."""
-        found, faster = None, self
-        while faster.violation() == 0:
-            found, faster = faster, replace(faster, squared_speed=_scaled(faster.squared_speed, HASTE**2))
-        return found and found.slowed(HASTE)
-
-
-def _scaled(spline: BSpline, factor: float) -> BSpline:
-    return BSpline(spline.t, spline.c * factor, spline.k)

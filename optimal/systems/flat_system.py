@@ -138,16 +138,16 @@ class Lift:
     def __init__(self, system: FlatSystem) -> None:
         self.system = system
 
-    def ties(self, jet: Jet, lifted: Symbol) -> Symbol:  # noqa: ARG002
+    def coupling(self, jet: Jet, lifted: Symbol) -> Symbol:  # noqa: ARG002
         """Return what vanishes when the unknowns belong to the jet, which is given up to order beta - 1."""
         return ca.SX(0, 1)
 
-    def limited(self, jet: Jet, lifted: Symbol) -> Symbol:  # noqa: ARG002
+    def limited_quantities(self, jet: Jet, lifted: Symbol) -> Symbol:  # noqa: ARG002
         """Return the system's limited quantities, in the order and the scale of `FlatSystem.bounds`."""
         which, scale, _, _ = self.system.bounds
         return ca.vertcat(*self.system.symbolic_inverse(*jet))[which.tolist()] / scale
 
-    def turning_time(self, before: Symbol, after: Symbol) -> Symbol:  # noqa: ARG002
+    def least_turning_time(self, before: Symbol, after: Symbol) -> Symbol:  # noqa: ARG002
         """Return the least times [s] in which the unknowns can change from one check's to the next's."""
         return ca.SX(0, 1)
 

@@ -109,13 +109,13 @@ class Attitude(Lift):
         self.high = (np.inf, np.inf, 1.5, system.thrust_max)
         self.rest, self.guess = (np.nan, 0.0, 0.0, np.nan), (0.0, 0.0, 0.0, system.gravity)
 
-    def ties(self, jet: Jet, lifted: Symbol) -> Symbol:
+    def coupling(self, jet: Jet, lifted: Symbol) -> Symbol:
         """Return the difference of the yaws, and p'' + g e_z - f n divided by gravity."""
         push = jet[2][:3] + ca.DM([0, 0, self.quadrotor.gravity])
         missing = push - lifted[3] * self._attitude(lifted)[:, 2]
         return ca.vertcat(jet[0][3] - lifted[0], missing / self.quadrotor.gravity)
 
-    def limited(self, jet: Jet, lifted: Symbol) -> Symbol:
+    def limited_quantities(self, jet: Jet, lifted: Symbol) -> Symbol:
         """Return thrust and body rates over their limits: the jerk is f' n + f (q x_body - p y_body)."""
         pitch, roll, thrust = lifted[1], lifted[2], lifted[3]
         across = self._attitude(lifted).T @ jet[3][:3] / thrust
@@ -123,7 +123,7 @@ class Attitude(Lift):
         rates = ca.vertcat(-across[1], across[0], yaw_rate) / self.quadrotor.rate_max
         return ca.vertcat(thrust / self.quadrotor.thrust_max, rates)
 
-    def turning_time(self, before: Symbol, after: Symbol) -> Symbol:
+    def least_turning_time(self, before: Symbol, after: Symbol) -> Symbol:
         """Return the time in which the thrust's direction, turning with two rates, can pass the chord."""
         chord = self._attitude(after)[:, 2] - self._attitude(before)[:, 2]
         return ca.sqrt(ca.sumsqr(chord) + CHORD) / (np.sqrt(2) * self.quadrotor.rate_max)

@@ -78,19 +78,19 @@ class TiltAndThrust(Lift):
         self.low, self.high = (-np.inf, q.thrust_min), (np.inf, q.thrust_max)
         self.rest, self.guess = (0.0, np.nan), (0.0, q.gravity)
 
-    def ties(self, jet: Jet, lifted: Symbol) -> Symbol:
+    def coupling(self, jet: Jet, lifted: Symbol) -> Symbol:
         """Return eqs. (3) and (4), divided by gravity."""
         tilt, thrust, q = lifted[0], lifted[1], self.quadrotor
         missing = jet[2] - thrust * ca.vertcat(ca.sin(tilt), ca.cos(tilt)) + ca.DM([0.0, q.gravity])
         return missing / q.gravity
 
-    def limited(self, jet: Jet, lifted: Symbol) -> Symbol:
+    def limited_quantities(self, jet: Jet, lifted: Symbol) -> Symbol:
         """Return thrust and rate over their limits; the rate by projecting the jerk across the thrust."""
         tilt, thrust, q = lifted[0], lifted[1], self.quadrotor
         rate = (jet[3][0] * ca.cos(tilt) - jet[3][1] * ca.sin(tilt)) / thrust
         return ca.vertcat(thrust / q.thrust_max, rate / q.rate_max)
 
-    def turning_time(self, before: Symbol, after: Symbol) -> Symbol:
+    def least_turning_time(self, before: Symbol, after: Symbol) -> Symbol:
         """Return the times the tilt needs to turn, in either direction."""
         turn = (after[0] - before[0]) / self.quadrotor.rate_max
         return ca.vertcat(turn, -turn)

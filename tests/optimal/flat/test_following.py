@@ -14,7 +14,8 @@ from toppra.interpolator import AbstractGeometricPath
 
 from flatgym.quadrotor import Array
 from optimal.flat.following import follow
-from optimal.flat.refinement import INTERVALS, FlatSolution
+from optimal.flat.refinement import INTERVALS
+from optimal.flat.solution import FlatSolution
 from optimal.flat.trajectory import FlatTrajectory
 from optimal.paths.curves import BezierPath, BSplinePath, Path, PolynomialPath
 from optimal.systems import FlatSystem, FullQuadrotor, OverheadCrane, PlanarQuadrotor, PointMass

@@ -10,9 +10,12 @@ import pytest
 
 from flatgym.quadrotor import Quadrotor
 from flatgym.scenarios.catalogue import SCENARIOS
+from optimal.flat.initial_guess import INITIAL_SQUARED_SPEED, motion, slow_start
+from optimal.flat.limits import constraint_violation
 from optimal.flat.planning import plan, pose
 from optimal.flat.program import SUCCESS, solve_program
-from optimal.flat.refinement import INTERVALS, SLOW, FlatSolution, _along_central_path, motion, slow_start
+from optimal.flat.refinement import INTERVALS, _along_central_path
+from optimal.flat.solution import FlatSolution
 from optimal.flat.trajectory import FlatTrajectory
 from optimal.paths.corridors import Corridor, paper_corridor
 from optimal.paths.curves import PolynomialPath, smoothstep
@@ -140,8 +143,8 @@ def test_the_length_flown_is_the_length_of_the_path() -> None:
 @pytest.mark.parametrize("name", PRINTED)
 def test_the_slow_central_start_is_feasible(name: str) -> None:
     flight = start_of(name, "explicit")
-    assert flight.violation() == 0
-    assert flight.duration == pytest.approx(1 / np.sqrt(SLOW), rel=1e-12)
+    assert constraint_violation(flight) == 0
+    assert flight.duration == pytest.approx(1 / np.sqrt(INITIAL_SQUARED_SPEED), rel=1e-12)
     weights = flight.weights(np.linspace(0, 1, 101))
     assert weights.min() >= -1e-15
     assert weights.max() <= 1 + 1e-15
@@ -182,8 +185,8 @@ def test_what_remains_where_the_optimiser_fails_is_a_flight_along_the_central_pa
     problem = pose(paper(name).paths, None, paper(name).ends, "explicit", "certified")
     flight = _along_central_path(problem, slow_start(problem, 16))
     assert flight is not None
-    assert flight.violation() <= 1e-6
-    assert BEST[name] < flight.duration < 1 / np.sqrt(SLOW)
+    assert constraint_violation(flight) <= 1e-6
+    assert BEST[name] < flight.duration < 1 / np.sqrt(INITIAL_SQUARED_SPEED)
     s = np.linspace(0, 1, 51)
     assert np.abs(flight.path(s) - paper(name).central(s)).max() < 0.1
 
@@ -270,7 +273,7 @@ def test_paths_of_another_number_of_coordinates_are_refused() -> None:
 
 
 def test_outer_paths_that_lead_nowhere_are_refused() -> None:
-    with pytest.raises(ValueError, match="stands still"):
+    with pytest.raises(ValueError, match="the central path between the outer paths stands still"):
         plan([level(0, -1), level(0, 1)], intervals=4)
 
 

@@ -9,6 +9,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from flatgym.quadrotor import Quadrotor
+from optimal.flat.limits import constraint_violation, interval_violations, slowed_to_limits
 from optimal.flat.splines import SplineSpace
 from optimal.flat.trajectory import FlatTrajectory
 from optimal.paths.curves import PolynomialPath, smoothstep
@@ -158,31 +159,31 @@ def test_batches_of_any_shape_answer_as_their_elements(system: FlatSystem) -> No
 
 
 def test_a_slow_motion_oversteps_nothing_and_a_fast_one_by_as_much_as_sampling_shows() -> None:
-    assert single(speed((0.02, 0.0, 0.0))).violation() == 0
+    assert constraint_violation(single(speed((0.02, 0.0, 0.0)))) == 0
     fast, vehicle = single(speed((1.5, 0.0, 0.0))), Quadrotor()
     control = fast.control(np.linspace(0, fast.duration, 40_001))
     over = control[:, 0].max() / vehicle.thrust_max - 1, np.abs(control[:, 1]).max() / vehicle.rate_max - 1
-    assert fast.violation() == pytest.approx(max(over), rel=1e-3)
-    assert fast.excess().shape == (2, 2, len(NODES) - 1)
-    assert fast.excess()[0, 0].max() == pytest.approx(over[0], rel=1e-3)
+    assert constraint_violation(fast) == pytest.approx(max(over), rel=1e-3)
+    assert interval_violations(fast).shape == (2, 2, len(NODES) - 1)
+    assert interval_violations(fast)[0, 0].max() == pytest.approx(over[0], rel=1e-3)
 
 
 def test_a_motion_is_slowed_just_enough() -> None:
     slow = single(speed((0.02, 0.0, 0.0)))
     # A hundredth too much of what lets the motion be slowed no more than that.
-    fast = next(m for b in np.arange(0.1, 2.0, 0.01) if (m := single(speed((b, 0.0, 0.0)))).violation() > 0.002)
-    assert fast.violation() < 0.1
-    slowed = fast.slowed(1.2)
+    fast = next(m for b in np.arange(0.1, 2.0, 0.01) if constraint_violation(m := single(speed((b, 0.0, 0.0)))) > 0.002)
+    assert constraint_violation(fast) < 0.1
+    slowed = slowed_to_limits(fast, 1.2)
     assert slowed is not None
-    assert slowed.violation() == 0
-    assert slowed.excess().max() > -0.1
+    assert constraint_violation(slowed) == 0
+    assert interval_violations(slowed).max() > -0.1
     np.testing.assert_allclose(slowed.breakpoints / slowed.duration, slow.breakpoints / slow.duration, atol=1e-14)
-    assert fast.slowed(1.0001) is None
+    assert slowed_to_limits(fast, 1.0001) is None
 
 
 def test_a_motion_within_limits_is_not_slowed() -> None:
     slow = single(speed((0.02, 0.0, 0.0)))
-    slowed = slow.slowed(1.0)
+    slowed = slowed_to_limits(slow, 1.0)
     assert slowed is not None
     assert slowed.duration == slow.duration
 

@@ -8,6 +8,7 @@ import pytest
 
 from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario
 from optimal.direct.shooting import solve_winding
+from optimal.flat.limits import constraint_violation
 from optimal.flat.splines import SplineSpace
 from optimal.flat.trajectory import FlatTrajectory
 from optimal.flights.certificate import Certificate, certify, control_range
@@ -144,7 +145,7 @@ def test_a_needle_between_the_samples_is_seen():
     time = needle.duration * np.arange(1, 32) / 32
     thrust, rate = needle.control(time).T
     assert np.all((thrust < 19) & (thrust > 2) & (np.abs(rate) < 9))
-    assert needle.violation() == 0
+    assert constraint_violation(needle) == 0
     certificate = certify(needle, FOUR)
     assert certificate.max_control_violation > 0.01
     assert not certificate.holds()

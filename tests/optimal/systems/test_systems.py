@@ -91,8 +91,8 @@ def test_the_lift_means_what_the_inverse_means(system: FlatSystem, generator: np
         state, control = random_motion(system, generator)
         jet, lifted = system.flat_jet(state, control), ca.SX(lifted_unknowns(system, state, control))
         columns = [ca.SX(y) for y in jet]
-        limited = np.array(ca.DM(lift.limited(columns, lifted))).ravel()
-        np.testing.assert_allclose(np.array(ca.DM(lift.ties(columns[:-1], lifted))), 0, atol=1e-12)
+        limited = np.array(ca.DM(lift.limited_quantities(columns, lifted))).ravel()
+        np.testing.assert_allclose(np.array(ca.DM(lift.coupling(columns[:-1], lifted))), 0, atol=1e-12)
         np.testing.assert_allclose(limited, system.limited_values(jet), atol=1e-11)
         assert len(lift.names) == len(lift.low) == len(lift.high) == len(lift.rest) == len(lift.guess)
 
@@ -109,7 +109,7 @@ def test_no_flight_turns_faster_than_the_turning_time(system: FlatSystem, genera
 
         after = solve_ivp(motion, (0, time), state, rtol=1e-10, atol=1e-10).y[:, -1]
         unknowns = [ca.SX(lifted_unknowns(system, x, control)) for x in (state, after)]
-        least = np.array(ca.DM(system.lift().turning_time(*unknowns))).max()
+        least = np.array(ca.DM(system.lift().least_turning_time(*unknowns))).max()
         # What keeps the chord smooth makes it longer by at most 1e-3 rad, here far less.
         assert least <= time + 1e-5
         assert least >= 0.5 * time
