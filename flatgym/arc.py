@@ -27,7 +27,7 @@ Function = Callable[[Array], tuple[Array, Array]]
 ROOT_ITERATIONS = 60
 ROOT_WIDTH = 1e-12
 """Width of the final bracket of a root [s]; at 20 m/s this is 2e-11 m."""
-HAIR = 1e-10
+SAGITTA_TOLERANCE = 1e-10
 """Sagitta of a part of an arc that is not looked at more closely [m]."""
 
 
@@ -84,7 +84,7 @@ class Arc:
     def reach(self) -> Array:
         """A distance that no vehicle can travel within the step [m], shape (n,); most events are ruled out by it."""
         speed = np.hypot(self.state[:, 2], self.state[:, 3])
-        return speed * self.dt + self.most_acceleration * self.dt**2
+        return speed * self.dt + self.acceleration_bound * self.dt**2
 
     @property
     def pull(self) -> Array:
@@ -92,7 +92,7 @@ class Arc:
         return self.wind - np.array([0.0, self.quadrotor.gravity])
 
     @property
-    def most_acceleration(self) -> Array:
+    def acceleration_bound(self) -> Array:
         """A bound of |p''| [m/s^2], shape (n,)."""
         return self.control[:, 0] + np.hypot(self.pull[:, 0], self.pull[:, 1])
 
@@ -217,7 +217,7 @@ class Arc:
                 np.minimum.at(least, row[turns], chosen._distance_at(target, time))
             # What is left within a hair of the least is taken to come as close as it might.
             left = ~(rising | convex) & (floor < np.minimum(least[row], within))
-            fine = left & (sagitta <= HAIR)
+            fine = left & (sagitta <= SAGITTA_TOLERANCE)
             np.minimum.at(least, row[fine], floor[fine])
             left &= ~fine
             middle = (low[left] + high[left]) / 2
@@ -242,7 +242,7 @@ class Arc:
             if time is low:
                 # What hovers has next to no acceleration, and is not looked at more and more closely.
                 most = np.hypot(acceleration[:, 0], acceleration[:, 1]) + jerk * width
-                pull = np.minimum(self.most_acceleration, most)
+                pull = np.minimum(self.acceleration_bound, most)
                 speed = np.hypot(velocity[:, 0], velocity[:, 1]) + pull * width
                 away = np.hypot(offset[:, 0], offset[:, 1]) + speed * width
         third = 3 * speed * pull + away * jerk

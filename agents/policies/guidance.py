@@ -16,7 +16,7 @@ import torch
 
 from agents.policies.networks import ScaledObservations
 from flatgym.quadrotor import Quadrotor
-from flatgym.task.observation import HOOPS_SEEN, LENGTH_UNIT, OBSERVATION_NAMES, SPEED_UNIT
+from flatgym.task.observation import HOOPS_SEEN, LENGTH_UNIT, OBSERVATION_NAMES, SPEED_UNIT, squash, unsquash
 
 VEHICLE = Quadrotor()
 """The vehicle by whose greatest thrust and weight the miss is reckoned."""
@@ -72,9 +72,9 @@ def to_gaps(hoops: torch.Tensor, velocity: torch.Tensor, up: torch.Tensor) -> to
     coasting = aside - drift * time
     thrusting = coasting - (VEHICLE.thrust_max * sideways - VEHICLE.gravity * across[..., 1]) * time**2 / 2
     misses = (aside, coasting, thrusting)
-    features = [squashed(ahead, 0.5), *(squashed(miss, 0.25) for miss in misses)]
-    features += [squashed(closing, 4.0), squashed(drift, 2.0), forwards, sideways, time]
-    features += [squashed(miss, half_width.clamp_min(NARROWEST)) for miss in misses]
+    features = [squash(ahead, 0.5), *(squash(miss, 0.25) for miss in misses)]
+    features += [squash(closing, 4.0), squash(drift, 2.0), forwards, sideways, time]
+    features += [squash(miss, half_width.clamp_min(NARROWEST)) for miss in misses]
     return torch.stack(features, dim=-1)
 
 
@@ -86,8 +86,8 @@ def to_goal(way: torch.Tensor, velocity: torch.Tensor, up: torch.Tensor) -> torc
         velocity: of the vehicle [m/s], shape (n, 2).
         up: the direction of its thrust, shape (n, 2).
     """
-    tilt = squashed(up[:, 0:1], 0.2) * (up[:, 1:2] > 0)
-    return torch.cat([squashed(way, 0.2), squashed(velocity, 0.5), tilt, squashed(velocity, 12.0)], dim=-1)
+    tilt = squash(up[:, 0:1], 0.2) * (up[:, 1:2] > 0)
+    return torch.cat([squash(way, 0.2), squash(velocity, 0.5), tilt, squash(velocity, 12.0)], dim=-1)
 
 
 def dot(one: torch.Tensor, other: torch.Tensor) -> torch.Tensor:
@@ -95,11 +95,7 @@ def dot(one: torch.Tensor, other: torch.Tensor) -> torch.Tensor:
     return (one * other).sum(-1)
 
 
-def squashed(value: torch.Tensor, unit: Any) -> torch.Tensor:
-    """Return value / (unit + |value|), one half at the unit."""
-    return value / (unit + value.abs())
-
-
 def unsquashed(seen: torch.Tensor, unit: float = LENGTH_UNIT) -> torch.Tensor:
-    """Return the length [m] or speed [m/s] that is observed as `seen`, FARTHEST at most; see `flatgym.task.decoding`."""
-    return (unit * seen / (1 - seen.abs()).clamp_min(1e-6)).clamp(-FARTHEST, FARTHEST)
+    """Return the length [m] or speed [m/s] that is encoded as `seen`, clipped to +-FARTHEST."""
+    value: torch.Tensor = unsquash(seen, unit, margin=1e-6)
+    return value.clamp(-FARTHEST, FARTHEST)

@@ -6,7 +6,6 @@ can be taken up anywhere.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -15,16 +14,15 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
 from agents.training.backward_starts import backward_starts
-from agents.training.configs import TIGHT, Config
+from agents.training.configs import TOLERANCE_SHARE, Config
 from flatgym.envs.config import Starts
-from flatgym.envs.fleet import Fleet
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.reference import reference
 from flatgym.scenarios.scenario import Scenario, Tolerance
 from flatgym.task.rollout import fly_actions
 from optimal.discrete.fewest_steps import fewest_steps
 
-CLOSE = 0.2
+NEAREST_SHARE = 0.2
 """Share of a demonstrated flight, back from the goal, on which training begins at first."""
 
 
@@ -65,17 +63,17 @@ class Curriculum:
             seed=config.seed,
         )
         if config.pool_expert_share:
-            self.flight = demonstrated_flight(self.problem)
+            self.flight = expert_flight(self.problem)
 
     def tolerance(self, done: float) -> Tolerance:
         """Return what counts as arrived: the true tolerance, widened by a factor that falls to 1 by TIGHT."""
-        factor, true = 1 + (self.config.tolerance - 1) * max(0.0, 1 - done / TIGHT), self.problem.tolerance
+        factor, true = 1 + (self.config.tolerance - 1) * max(0.0, 1 - done / TOLERANCE_SHARE), self.problem.tolerance
         return Tolerance(true.position * factor, true.speed * factor, true.angle * factor)
 
     def share(self, done: float) -> float:
         """Return the share of flights that begin in the pool of starts."""
         first, last = self.config.pool_share, self.config.pool_share_end
-        return first + (last - first) * max(0.0, (done - TIGHT) / (1 - TIGHT))
+        return first + (last - first) * max(0.0, (done - TOLERANCE_SHARE) / (1 - TOLERANCE_SHARE))
 
     def starts(self, done: float) -> Starts | None:
         """Return the pool of starts: a share of it on the demonstrated flight, ever farther from the goal."""
@@ -83,7 +81,7 @@ class Curriculum:
             return self.pool
         generator = np.random.default_rng(self.config.seed)
         rows = np.flatnonzero(generator.random(len(self.pool.state)) < self.config.pool_expert_share)
-        back = CLOSE + (1 - CLOSE) * min(1.0, done / TIGHT)
+        back = NEAREST_SHARE + (1 - NEAREST_SHARE) * min(1.0, done / TOLERANCE_SHARE)
         last = len(self.flight.state) - 1
         which = last - np.floor(generator.random(len(rows)) * back * (last + 1)).astype(np.int64)
         state, passed = self.pool.state.copy(), self.pool.hoops_passed.copy()
@@ -97,7 +95,7 @@ class Curriculum:
             return
         envs.env_method("set_share", self.share(done))
         if self.flight is not None:
-            fill(envs.get_attr("fleet")[0], starts)
+            envs.env_method("set_starts", starts)
 
 
 @lru_cache(maxsize=1)
@@ -106,17 +104,10 @@ def curriculum(config: Config) -> Curriculum:
     return Curriculum(config)
 
 
-def demonstrated_flight(problem: Scenario) -> Starts:
+def expert_flight(problem: Scenario) -> Starts:
     """Return the states of a flight in K* steps before its last, with the hoops passed by then."""
     known = reference(problem)
     actions = fewest_steps(problem).actions if known is None else known.actions
     situations = fly_actions(problem, actions)[:-1]
     state = np.concatenate([situation.state for situation in situations])
     return Starts(state, np.concatenate([situation.hoops_passed for situation in situations]))
-
-
-def fill(fleet: Fleet, starts: Starts) -> None:
-    """Let a fleet draw from another pool of as many starts, from the next flight on."""
-    fleet.course = replace(fleet.course, starts=starts)
-    if (pool := getattr(fleet, "pool", None)) is not None:  # the compiled fleet's own copy
-        pool[:] = np.column_stack([starts.state, starts.hoops_passed])

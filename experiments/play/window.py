@@ -125,8 +125,8 @@ def captions(canvas: Canvas, unit: float, session: Session) -> None:
 
     width, height = canvas.size
     pace = f"speed {session.speed:.2g}x" + (f"   best {session.best_steps} steps" if session.best_steps else "")
-    canvas.words(pace, (150 * unit, 64 * unit), 18 * unit, FAINT)
-    canvas.words(HELP, (width - 84 * unit, height - FOOTER / 2 * unit), 17 * unit, FAINT, "midright")
+    canvas.text(pace, (150 * unit, 64 * unit), 18 * unit, FAINT)
+    canvas.text(HELP, (width - 84 * unit, height - FOOTER / 2 * unit), 17 * unit, FAINT, "midright")
     if session.outcome != "flying":
         banner(canvas, unit, session.verdict(), "R to fly again")
     elif session.paused:
@@ -145,5 +145,5 @@ def banner(canvas: Canvas, unit: float, text: str, below: str) -> None:
     top, tall = canvas.size[1] - 150 * unit, 84 * unit
     canvas.panel(middle - wide / 2 - 2 * unit, top - 2 * unit, wide + 4 * unit, tall + 4 * unit, PALE, 16 * unit)
     canvas.panel(middle - wide / 2, top, wide, tall, WHITE, 14 * unit)
-    canvas.words(text, (middle, top + 30 * unit), 30 * unit, INK, "center")
-    canvas.words(below, (middle, top + 60 * unit), 20 * unit, FAINT, "center")
+    canvas.text(text, (middle, top + 30 * unit), 30 * unit, INK, "center")
+    canvas.text(below, (middle, top + 60 * unit), 20 * unit, FAINT, "center")

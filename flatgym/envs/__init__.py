@@ -1,1 +1,1 @@
-"""The Gymnasium environments, scalar and batched, over one fleet."""
+"""The Gymnasium environments, scalar and batched: thin shells around a fleet of n vehicles."""

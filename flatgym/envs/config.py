@@ -1,4 +1,4 @@
-"""Everything an environment is made with, as one frozen value."""
+"""The configuration of an environment as one frozen value, and the pool of start states for training."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from flatgym.validation import number, numbers, whole
 
 REWARDS = ("shaped", "sparse")
 STATE_MOST = 1e4
-"""Greatest magnitude of a component of a start state."""
+"""Largest magnitude of a component of a start state [m, m/s, rad]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """A pool of states in which episodes begin, for training: a row drawn for each episode from its seed.
+    """A pool of start states for training; each episode samples one of its rows, as a function of its seed.
 
     Attributes:
         state: [x, z, vx, vz, theta], shape (m, 5).
-        hoops_passed: hoops that count as passed already, shape (m,); none by default.
-        share: share of the episodes that begin in the pool; the others begin at the scenario's own start.
+        hoops_passed: hoops that count as passed at the start, shape (m,); none by default.
+        share: probability that an episode starts in the pool; otherwise it starts at the scenario's start.
 
     Raises:
-        ValueError: naming what is wrong.
+        ValueError: naming the field, its value and what is allowed.
     """
 
     state: Array
@@ -52,7 +52,7 @@ class Starts:
 
 
 def check_states(state: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
-    """Return states of shape (*shape, 5) as floats; a ValueError for anything else."""
+    """Return states of shape (*shape, 5) as float64; a ValueError for another shape, and beyond STATE_MOST."""
     values = numbers(name, state).astype(np.float64)
     if values.shape != (*shape, 5) or not np.all(np.abs(values) <= STATE_MOST):
         each = " for each vehicle" if shape else ""
@@ -65,15 +65,15 @@ def check_states(state: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
 
 @dataclass(frozen=True)
 class EnvConfig:
-    """What an environment is made with.
+    """Configuration of an environment.
 
     Attributes:
-        problem: the scenario, or the distribution from which each episode's is drawn.
+        problem: the scenario, or the distribution from which each episode's scenario is sampled.
         reward: "shaped" or "sparse".
         observation: "features" or "state".
-        disturbances: what stands against the vehicle.
-        starts: where episodes begin in training; only with a scenario.
-        steps_most: truncate after so many steps, should that be sooner than the problem's time limit.
+        disturbances: wind, thrust and mass errors, delay, sensor noise.
+        starts: pool of start states; only with a scenario, not with a distribution.
+        steps_most: truncate after this many steps if that is earlier than the problem's time limit.
 
     Raises:
         ValueError: naming the argument, its value and what is allowed.
@@ -114,7 +114,7 @@ class EnvConfig:
 
     @property
     def tolerance(self) -> Tolerance:
-        """What counts as arrived."""
+        """The goal tolerance."""
         return self.problem.tolerance
 
     @property
@@ -124,10 +124,10 @@ class EnvConfig:
 
     @property
     def last_step(self) -> int:
-        """The number of steps after which a flight is truncated; rewards and the time seen know the time limit only."""
+        """Steps after which an episode is truncated; reward and observed time depend on the time limit only."""
         return min(self.steps_most or STEPS_MOST, self.problem.max_steps)
 
     @property
     def hoops_most(self) -> int:
-        """Most hoops of an episode."""
+        """Maximum number of hoops of an episode."""
         return len(self.problem.hoops) if isinstance(self.problem, Scenario) else self.problem.hoops[1]

@@ -1,9 +1,8 @@
-"""FlatQuad-v0, one vehicle at a time: a thin Gymnasium shell around a fleet of one."""
+"""FlatQuad-v0: the scalar Gymnasium environment, a fleet of one vehicle."""
 
 from __future__ import annotations
 
 import math
-from importlib.util import find_spec
 from typing import Any
 
 import gymnasium as gym
@@ -11,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flatgym.envs.config import EnvConfig, Starts
-from flatgym.envs.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, Fleet, not_finite
-from flatgym.envs.resetting import begin, check_options, check_seed, known_k_star
+from flatgym.envs.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, make_fleet, not_finite
+from flatgym.envs.resetting import check_options, check_seed, known_k_star, start_episodes
 from flatgym.envs.spaces import action_space, observation_space, take_actions
 from flatgym.rendering.recorder import EpisodeRecorder
 from flatgym.scenarios import catalogue
@@ -26,21 +25,22 @@ Observation = NDArray[np.float32]
 ALL = np.ones(1, dtype=np.bool_)
 
 
-def fleet_of(course: EnvConfig, n: int, same_step: bool = False) -> Fleet:
-    """Return a fleet: compiled where numba is installed."""
-    if find_spec("numba") is None:
-        return Fleet(course, n, same_step)
-    from flatgym.envs.compiled_fleet import CompiledFleet
-
-    return CompiledFleet(course, n, same_step)
-
-
 class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     """Fly a planar quadrotor from rest to rest, through hoops, in as few steps as possible.
 
+    ## Dynamics
+    State [x, z, vx, vz, theta] in m, m/s and rad; theta is the tilt from upright, positive towards +x. Control [f, w]:
+    mass-normalised thrust f [m/s^2] and pitch rate w [rad/s]. Paper eqs. (3)-(5):
+
+        x'' = f sin(theta),   z'' = f cos(theta) - g,   theta' = w,   g = 9.81 m/s^2
+
+    The control is constant over a step of dt = 0.02 s. The step is exact: it evaluates the closed-form solution
+    (`flatgym.quadrotor`), so there is no integration error. Limits, g, dt, tolerance and time limit are fields of
+    `Scenario` and `Quadrotor`; this page states their defaults, which all named scenarios have.
+
     ## Action space
-    `Box(-1, 1, (2,), float32)`; finite actions beyond the box are clipped, as in Gymnasium's own
-    continuous environments. The control is held for one step of `scenario.dt`.
+    `Box(-1, 1, (2,), float32)`, mapped affinely to the control. Finite actions outside the box are clipped. Actions
+    that are not finite raise a ValueError.
 
     | # | action | -1 | +1 |
     |---|--------|----|----|
@@ -48,57 +48,74 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     | 1 | rate   | `-rate_max` = -10 rad/s | `rate_max` = 10 rad/s |
 
     ## Observation space
-    `observation="features"` (default): `Box(-1, 1, (19,), float32)`, named by `flatgym.observation_names()`. Lengths
-    are seen as l / (2 m + |l|), speeds as v / (4 m/s + |v|): fine near zero, bounded far away.
+    `observation="features"` (default): `Box(-1, 1, (19,), float32)`, named by `flatgym.observation_names()`. A length l
+    appears as l / (2 m + |l|), a speed v as v / (4 m/s + |v|): high resolution near zero, bounded far away.
+    `flatgym.task.observation.decode_observation` inverts this.
 
     | # | name | meaning |
     |---|------|---------|
     | 0-1 | goal_x, goal_z | goal minus position |
     | 2-3 | velocity_x, velocity_z | velocity |
     | 4-5 | sin_theta, cos_theta | attitude |
-    | 6-7 | hoop1_x, hoop1_z | centre of the next hoop minus position; zeros when there is none |
-    | 8-9 | hoop1_direction_x, hoop1_direction_z | its direction of passage |
-    | 10 | hoop1_diameter | its gap |
-    | 11-15 | hoop2_... | the same of the hoop after it |
-    | 16-17 | floor, ceiling | height above the floor, below the ceiling; 1 when there is none |
-    | 18 | time | elapsed share of the time limit |
+    | 6-7 | hoop1_x, hoop1_z | centre of the next hoop minus position; 0 without a next hoop |
+    | 8-9 | hoop1_direction_x, hoop1_direction_z | its direction of passage, a unit vector; 0 without a next hoop |
+    | 10 | hoop1_diameter | width of its gap; 0 without a next hoop |
+    | 11-15 | hoop2_... | the same for the hoop after it |
+    | 16-17 | floor, ceiling | height above the floor, distance to the ceiling; 1 without floor or ceiling |
+    | 18 | time | elapsed fraction of the time limit |
 
     `observation="state"`: `Box(-inf, inf, (5,), float32)`, the state itself, named by
-    `flatgym.observation_names("state")`; it does not tell goal and hoops.
+    `flatgym.observation_names("state")`. It does not contain goal and hoops.
 
     | # | name | unit |
     |---|------|------|
     | 0-1 | x, z | m |
     | 2-3 | vx, vz | m/s |
-    | 4 | theta | rad, from the upright, not wrapped |
+    | 4 | theta | rad, from upright, not wrapped |
 
-    Several past observations at once are what Gymnasium's FrameStackObservation is for.
-
-    ## Start
-    At rest and upright at `scenario.start`. What is drawn at random - a scenario of a distribution, disturbances - is a
-    function of the seed given to `reset` and the number of resets since, and of nothing else.
-    `reset(options={"state": [x, z, vx, vz, theta]})` starts anywhere, `options={"hoops_passed": n}` with n hoops
-    already passed.
+    Gymnasium's `FrameStackObservation` stacks past observations.
 
     ## Reward
-    `reward="sparse"`: -dt a step; a failed flight pays the rest of the time limit at once, so the
-    return is minus the flight time on success and minus the time limit otherwise.
-    `reward="shaped"` (default) adds differences of a potential, which leave the optimal policy
-    unchanged.
+    `reward="sparse"`: -dt for each step. An episode that fails (terminates without reaching the goal) also pays the
+    remaining time limit. The return is minus the flight time on success and minus the time limit otherwise.
+
+    `reward="shaped"` (default): the sparse reward plus the change of a potential, which is minus an estimate of the
+    time to go (`flatgym.task.shaping`) and 0 after termination. This leaves the optimal policy unchanged.
+
+    ## Episode start
+    At rest and upright at `scenario.start`, with no hoop passed. `reset(options={"state": [x, z, vx, vz, theta]})`
+    starts in another state, `options={"hoops_passed": n}` with n hoops already passed. Sampled scenarios, disturbances
+    and starts are functions of the seed given to `reset` and the number of resets since.
 
     ## Termination
-    `goal` (within the tolerance, all hoops passed), `collision` (the body touches a rim; only with
-    `Quadrotor(radius > 0)`), `floor`, `ceiling`, `out-of-bounds`. Crossings and contacts are found on
-    the exact arc inside a step.
+    | outcome | condition |
+    |---------|-----------|
+    | goal | all hoops passed, distance to the goal <= 0.1 m, speed <= 0.2 m/s, theta within 0.1 rad of a multiple of 2 pi |
+    | collision | the body touches a rim of a hoop; only with `Quadrotor(radius > 0)`, default 0 |
+    | floor, ceiling | the path goes more than 1e-6 m below the floor or above the ceiling |
+    | out-of-bounds | a step ends more than 5 m outside the bounding box of start, goal and hoop centres |
+
+    A hoop counts as passed when the path crosses its gap in its direction; hoops count in order. Crossings and contacts
+    are found on the exact path within a step, not at its ends only.
 
     ## Truncation
-    `time-limit`, after `scenario.time_limit`.
+    `time-limit`, after `scenario.time_limit` = 5 s, 250 steps.
 
     ## Info
-    The same keys at every step: `state`, `time` [s], `steps`, `hoops_passed`, `is_success`, `outcome`
-    (one of `flatgym.OUTCOMES`; "flying" until the end), and `k_star`: the fewest steps in which a flight of the present
-    episode is known, NaN where none is, as in an episode that begins elsewhere than at the start. So at the goal
-    `info["steps"] / info["k_star"] - 1` is the gap. It is that of the undisturbed vehicle.
+    The same keys after every reset and step.
+
+    | key | value |
+    |-----|-------|
+    | state | [x, z, vx, vz, theta], shape (5,), float64, without sensor noise |
+    | time | elapsed time [s] |
+    | steps | environment steps of the episode |
+    | hoops_passed | hoops passed so far |
+    | is_success | whether the outcome is "goal" |
+    | outcome | one of `flatgym.OUTCOMES`; "flying" until the episode ends |
+    | k_star | K*, the fewest steps of the best-known solution of this episode; NaN if unknown |
+
+    At the goal, `info["steps"] / info["k_star"] - 1` is the gap. K* is that of the undisturbed vehicle. It is NaN for
+    episodes that start in another state, and for distributions after the first episode of a seed.
 
     ## Arguments
     | argument | default | meaning |
@@ -106,16 +123,16 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     | scenario | "hoop" | a name of `flatgym.SCENARIOS` or `flatgym.DISTRIBUTIONS`, a `Scenario` or a `Distribution` |
     | reward | "shaped" | or "sparse" |
     | observation | "features" | or "state" |
-    | wind | 0 | greatest acceleration by a constant wind [m/s^2] |
-    | thrust_gain | 0 | greatest relative error of the thrust |
-    | mass | 0 | greatest relative error of the mass |
-    | action_delay | 0 | most steps by which actions come late |
-    | sensor_noise | 0 | standard deviation of what is measured [m, m/s, rad]; `info` tells the truth |
-    | starts | None | a `flatgym.envs.config.Starts`, a pool of states in which episodes begin, for training |
-    | ghost | False | True to draw the best flight known beside, or states (K+1, 5) of another |
-    | render_mode | None | "human" or "rgb_array"; needs the extra `render` |
+    | wind | 0 | maximum acceleration by a constant wind [m/s^2] |
+    | thrust_gain | 0 | maximum relative error of the thrust |
+    | mass | 0 | maximum relative error of the mass |
+    | action_delay | 0 | maximum delay of the actions [steps] |
+    | sensor_noise | 0 | standard deviation of the measured position [m], velocity [m/s] and tilt [rad] |
+    | starts | None | `flatgym.envs.config.Starts`, a pool of start states for training |
+    | ghost | False | True draws the best-known solution as well; or states (K+1, 5) of another trajectory |
+    | render_mode | None | "human" or "rgb_array"; needs `flatgym[render]` |
 
-    Disturbances are drawn anew each episode, see `flatgym.scenarios.disturbances`; all are off by default.
+    Wind, thrust error, mass error and delay are sampled once an episode (`flatgym.scenarios.disturbances`).
 
     ## Version history
     v0: first release.
@@ -139,9 +156,9 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         render_mode: str | None = None,
     ) -> None:
         disturbances = Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise)
-        course = EnvConfig(catalogue.problem(scenario), reward, observation, disturbances, starts)
-        self.film = EpisodeRecorder(course.problem, render_mode, ghost, scored=not disturbances.active)
-        self.fleet = fleet_of(course, 1)
+        config = EnvConfig(catalogue.problem(scenario), reward, observation, disturbances, starts)
+        self.recorder = EpisodeRecorder(config.problem, render_mode, ghost, scored=not disturbances.active)
+        self.fleet = make_fleet(config, 1)
         self._action = self.fleet.actions[0]
         self.render_mode = render_mode
         self.observation_space = observation_space(observation)
@@ -150,14 +167,14 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._k_star = math.nan
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a copy: its action is part of its own fleet's."""
+        """Restore a copy: its action is a view of its own fleet's actions."""
         self.__dict__.update(state)
         self._action = self.fleet.actions[0]
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario of the present episode."""
-        problem = self.fleet.course.problem
+        """The scenario of the current episode."""
+        problem = self.fleet.config.problem
         if isinstance(problem, Scenario):
             return problem
         return problem.scenario(int(self.fleet.seeds[0]), int(self.fleet.episodes[0]))
@@ -165,43 +182,56 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Start a new flight; see the class for the options."""
+        """Start an episode; see the class for the options.
+
+        Without a seed, the next episode of the present seed starts; before the first seed, a random one is chosen.
+        """
         super().reset(seed=None if seed is None else check_seed(seed))
         if seed is None and self._outcome is None:
             seed = int(self.np_random.integers(2**63))
         seeds = None if seed is None else np.array([seed], dtype=np.uint64)
         options = check_options(options)
-        observation, record = begin(self.fleet, ALL, seeds, options)
+        observation, record = start_episodes(self.fleet, ALL, seeds, options)
         self._k_star = math.nan if options else float(known_k_star(self.fleet, first=seeds is not None)[0])
         self._outcome, info = FLYING, self._info(record.numbers[:, 0].tolist())
-        if self.render_mode is not None:  # to build a drawn scenario takes longer than to begin flying it
-            self.film.begin(self.scenario, info)
+        if self.render_mode is not None:  # building a sampled scenario takes longer than the reset
+            self.recorder.start(self.scenario, info)
         return observation[0], info
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Fly one step of dt; raises ResetNeeded before the first reset and after the end."""
+        """Advance by one step of dt.
+
+        Args:
+            action: shape (2,); see the class.
+
+        Raises:
+            gym.error.ResetNeeded: before the first reset and after the end of an episode.
+            ValueError: for an action of another shape or one that is not finite; the vehicle has not moved then.
+        """
         if self._outcome != FLYING:
             if self._outcome is None:
                 raise gym.error.ResetNeeded("call reset() before the first step()")
-            word = OUTCOMES[self._outcome]
-            raise gym.error.ResetNeeded(f"the flight has ended ({word!r}); call reset() before the next step()")
+            outcome = OUTCOMES[self._outcome]
+            raise gym.error.ResetNeeded(f"the episode has ended ({outcome!r}); call reset() before the next step()")
         take_actions(action, self._action)
-        if not all(map(math.isfinite, self._action.tolist())):
-            raise not_finite(self._action)
-        flown = self.fleet.step()
-        row = flown.record.numbers[:, 0].tolist()
+        try:
+            result = self.fleet.step()
+        except ValueError:
+            raise not_finite(self._action) from None  # with indices into one action, not into a batch
+        row = result.record.numbers[:, 0].tolist()
         info, end = self._info(row), int(row[END])
         self._outcome = end
-        self.film.add(action, info)
-        return flown.observation[0], row[REWARD], end not in (FLYING, TIME_LIMIT), end == TIME_LIMIT, info
+        if self.render_mode is not None:
+            self.recorder.add(float(self.fleet.controls()[0, 0]), info)
+        return result.observation[0], row[REWARD], end not in (FLYING, TIME_LIMIT), end == TIME_LIMIT, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture of the flight so far, shape (720, 960, 3); None in a window, which shows every step."""
-        return self.film.draw()
+        """Return a picture of the episode so far, shape (720, 960, 3); None in mode "human", which shows every step."""
+        return self.recorder.draw()
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        self.film.close()
+        self.recorder.close()
 
     def _info(self, row: list[float]) -> dict[str, Any]:
         outcome = int(row[OUTCOME])

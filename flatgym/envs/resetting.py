@@ -1,4 +1,4 @@
-"""How an episode begins: seeds and options of `reset`, checked, for one flight and for many alike."""
+"""The arguments of `reset`, seeds and options: checked and applied to a fleet of any size."""
 
 from __future__ import annotations
 
@@ -17,7 +17,11 @@ OPTIONS = ("state", "hoops_passed")
 
 
 def check_options(options: Any, known: tuple[str, ...] = OPTIONS) -> dict[str, Any]:
-    """Return a copy of the options of `reset`; a ValueError for what is no dict, and for unknown keys."""
+    """Return a copy of the options of `reset`.
+
+    Raises:
+        ValueError: if they are not a dict, or for unknown keys.
+    """
     if options is None:
         return {}
     if not isinstance(options, dict):
@@ -28,14 +32,14 @@ def check_options(options: Any, known: tuple[str, ...] = OPTIONS) -> dict[str, A
     return dict(options)
 
 
-def begin(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any]) -> ResetResult:
-    """Begin the next episodes under `mask`, or the first of `seeds`, as the options say.
+def start_episodes(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any]) -> ResetResult:
+    """Start the next episodes under `mask`, or the first episodes of `seeds`.
 
     Args:
-        fleet: n flights.
-        mask: whose episodes begin, shape (n,).
-        seeds: new seeds, shape (n,), or None to go on with the old ones.
-        options: "state", five numbers or (n, 5), and "hoops_passed", a number or (n,).
+        fleet: n vehicles.
+        mask: the vehicles to reset, shape (n,).
+        seeds: new seeds, shape (n,), or None to keep the present ones.
+        options: "state", shape (5,) or (n, 5), and "hoops_passed", an integer or shape (n,).
 
     Raises:
         ValueError: for options of a wrong shape or range; nothing has changed then.
@@ -51,24 +55,26 @@ def begin(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any]
 
 
 def known_k_star(fleet: Fleet, first: bool) -> Array:
-    """Return K* of the episodes that begin now at their own starts, the first of their seeds or later ones.
+    """Return K* of the current episodes, shape (n,), NaN where it is unknown.
 
-    Shape (n,), NaN where none is known: of what is drawn later, and where episodes begin in a pool of starts.
+    K* is unknown for fleets with a pool of starts, and for a distribution unless the episodes are the `first` ones of
+    their seeds.
     """
-    course = fleet.course
-    if course.starts is not None or not (first or isinstance(course.problem, Scenario)):
+    config = fleet.config
+    if config.starts is not None or not (first or isinstance(config.problem, Scenario)):
         return np.full(fleet.n, np.nan)
-    return k_star_of(course.problem, fleet.seeds)
+    return k_star_of(config.problem, fleet.seeds)
 
 
 def check_seed(seed: Any) -> int:
-    """Return a seed as a number; a ValueError for what is none."""
+    """Return a seed as an int; a ValueError for anything else than an integer in 0..2^63 - 1."""
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**63:
         raise ValueError(f"a seed must be a whole number in 0..2^63 - 1, got {seed!r}")
     return int(seed)
 
 
 def _state(fleet: Fleet, options: dict[str, Any]) -> Any:
+    """Return the start states of the options, shape (n, 5), or None."""
     if "state" not in options:
         return None
     shape = (fleet.n,) if numbers("options['state']", options["state"]).ndim > 1 else ()
@@ -76,6 +82,7 @@ def _state(fleet: Fleet, options: dict[str, Any]) -> Any:
 
 
 def _hoops_passed(fleet: Fleet, mask: Mask, options: dict[str, Any]) -> Any:
+    """Return the hoops passed of the options, shape (n,), or None; checked for the vehicles under `mask` only."""
     if "hoops_passed" not in options:
         return None
     value, counts = numbers("options['hoops_passed']", options["hoops_passed"]), fleet.hoop_counts()

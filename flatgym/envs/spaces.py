@@ -1,4 +1,4 @@
-"""TODO flatgym/envs/spaces.py."""
+"""Observation and action spaces of both environments, and the check of actions."""
 
 from __future__ import annotations
 
@@ -14,18 +14,22 @@ from flatgym.validation import numbers
 
 
 def observation_space(observation: str = "features") -> gym.Space[Any]:
-    """The space of one observation, named by `observation_names`."""
+    """Return the space of one observation; `observation_names` names its components."""
     most = 1.0 if observation == "features" else np.inf
     return gym.spaces.Box(-most, most, (len(observation_names(observation)),), np.float32)
 
 
 def action_space() -> gym.Space[Any]:
-    """The space of one action: thrust and rate, scaled to [-1, 1]."""
+    """Return the space of one action: thrust and rate, scaled to [-1, 1]."""
     return gym.spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
 def take_actions(actions: ArrayLike, into: Array) -> None:
-    """Copy actions into an array of their shape; a ValueError for another shape, and for what are no numbers."""
+    """Copy actions into an array of the same shape.
+
+    Raises:
+        ValueError: for another shape, and for values that are not numbers.
+    """
     values = numbers("actions", actions)
     if values.shape != into.shape:
         raise ValueError(f"actions must have shape {into.shape}, got {values.shape}")

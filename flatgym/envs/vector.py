@@ -1,10 +1,13 @@
-"""FlatQuad-v0, many vehicles at once: a thin Gymnasium shell around a fleet.
+"""FlatQuad-v0: the batched Gymnasium environment, a fleet of n vehicles.
 
-Equal to the scalar environment step for step: vehicle i of a batch seeded with s flies the episodes of a
-scalar environment seeded with s + i. In SAME_STEP mode the observation returned with the end of an
-episode is already the first of the next one, and `final_obs`, `final_info` hold the last of the old one;
-in NEXT_STEP mode (the default, as in Gymnasium) the step after the end ignores its action and returns
-the first observation of the next episode.
+Vehicle i of a batch seeded with s repeats the episodes of a scalar environment seeded with s + i, step for step. The
+autoreset mode decides when the next episode starts:
+
+    NEXT_STEP   (default, as in Gymnasium) the step after the end ignores its action and returns the first observation
+                of the next episode
+    SAME_STEP   the step that ends an episode returns the first observation of the next one; `final_obs` and
+                `final_info` hold the last of the old one
+    DISABLED    the caller resets ended episodes with `options={"reset_mask": mask}`
 """
 
 from __future__ import annotations
@@ -19,10 +22,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from flatgym.envs.config import EnvConfig, Starts
-from flatgym.envs.env import fleet_of
-from flatgym.envs.fleet import OUTCOME, REWARD, TIME, Mask, Record, Seeds, StepResult
-from flatgym.envs.outcome_words import OutcomeStrings
-from flatgym.envs.resetting import OPTIONS, begin, check_options, check_seed, known_k_star
+from flatgym.envs.fleet import OUTCOME, REWARD, TIME, Mask, Record, Seeds, StepResult, make_fleet
+from flatgym.envs.outcome_strings import OutcomeStrings
+from flatgym.envs.resetting import OPTIONS, check_options, check_seed, known_k_star, start_episodes
 from flatgym.envs.spaces import action_space, observation_space, take_actions
 from flatgym.quadrotor import Array
 from flatgym.scenarios import catalogue
@@ -32,19 +34,22 @@ from flatgym.scenarios.scenario import Tolerance
 from flatgym.validation import numbers
 
 INFO_KEYS = ("state", "time", "steps", "hoops_passed", "is_success", "outcome", "k_star")
-_NOBODY = np.zeros(0, dtype=np.intp)
+_NONE = np.zeros(0, dtype=np.intp)
 
 
 class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
-    """`gym.make_vec("FlatQuad-v0", num_envs=n, vectorization_mode="vector_entry_point")`.
+    """`gym.make_vec("FlatQuad-v0", num_envs=n, vectorization_mode="vector_entry_point")`; see `FlatQuadEnv`.
 
     Args:
         num_envs: number of vehicles n.
         scenario, reward, observation, starts: as in FlatQuadEnv.
-        wind, thrust_gain, mass, action_delay, sensor_noise: disturbances, as in FlatQuadEnv, each vehicle its own.
+        wind, thrust_gain, mass, action_delay, sensor_noise: disturbances as in FlatQuadEnv, sampled for each vehicle.
         autoreset_mode: NEXT_STEP (default), SAME_STEP or DISABLED.
-        max_episode_steps: truncate after so many steps, should that be sooner than the scenario's time limit.
-        render_mode: must be None; render with the scalar environment.
+        max_episode_steps: truncate after this many steps if that is earlier than the scenario's time limit.
+        render_mode: must be None; only the scalar environment renders.
+
+    Raises:
+        ValueError: naming the argument, its value and what is allowed.
     """
 
     def __init__(
@@ -73,7 +78,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             )
         disturbances = Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise)
         problem = catalogue.problem(scenario)
-        course = EnvConfig(problem, reward, observation, disturbances, starts, max_episode_steps)
+        config = EnvConfig(problem, reward, observation, disturbances, starts, max_episode_steps)
         self.num_envs = num_envs
         self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
@@ -81,57 +86,67 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         self.single_observation_space, self.single_action_space = observation_space(observation), action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.fleet = fleet_of(course, num_envs, self.autoreset_mode == AutoresetMode.SAME_STEP)
+        self.fleet = make_fleet(config, num_envs, self.autoreset_mode == AutoresetMode.SAME_STEP)
         self._all = np.ones(num_envs, dtype=bool)
-        self._all.flags.writeable = False  # it is handed out as the mask of every info
+        self._all.flags.writeable = False  # every info returns it as a mask
         self._masks = {f"_{key}": self._all for key in INFO_KEYS}
-        self._words = OutcomeStrings(num_envs)
+        self._outcomes = OutcomeStrings(num_envs)
         self._begun = False
         self._ended: Mask = np.zeros(num_envs, dtype=bool)
         self._k_star = np.full(num_envs, np.nan)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a copy: the mask of all stays read-only."""
+        """Restore a copy; NumPy's copy of the read-only mask is writable."""
         self.__dict__.update(state)
         self._all.flags.writeable = False
 
     @property
-    def course(self) -> EnvConfig:
-        """What the environment is made with."""
-        return self.fleet.course
+    def config(self) -> EnvConfig:
+        """The configuration of the environment."""
+        return self.fleet.config
 
     @property
     def scenario(self) -> Problem:
-        """What is flown: a scenario, or the distribution from which each episode's is drawn."""
-        return self.course.problem
+        """The scenario, or the distribution from which each episode's scenario is sampled."""
+        return self.config.problem
 
     def set_tolerance(self, tolerance: Tolerance) -> None:
-        """Let something else count as arrived from the next step on, as a curriculum may want it."""
+        """Replace the goal tolerance from the next step on; `k_star` of the current episodes becomes NaN."""
         self.fleet.set_tolerance(tolerance)
-        self._k_star = np.full(self.num_envs, np.nan)  # known for the tolerance of before
+        self._k_star = np.full(self.num_envs, np.nan)  # K* belongs to the old tolerance
 
     def set_share(self, share: float) -> None:
-        """Let another share of the episodes begin in the pool of starts."""
+        """Replace the probability that an episode starts in the pool of starts."""
         self.fleet.set_share(share)
+
+    def set_starts(self, starts: Starts) -> None:
+        """Replace the pool of starts from the next episode on; its probability stays as it is."""
+        self.fleet.set_starts(starts)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start new flights.
+        """Start episodes.
 
         Args:
-            seed: of the first vehicle, the others counting on from it; or one for each.
-            options: as in the scalar environment, for all or for each; and "reset_mask", who starts anew, shape (n,).
+            seed: seed of the first vehicle, that of vehicle i is seed + i; or a list of n seeds, in which None chooses
+                a random one. Without a seed, the next episodes of the present seeds start.
+            options: "state" and "hoops_passed" as in FlatQuadEnv, one for all vehicles or one for each; "reset_mask",
+                the vehicles to reset, shape (n,), bool.
+
+        Raises:
+            gym.error.ResetNeeded: if the first call has a reset_mask that leaves out vehicles.
+            ValueError: for seeds or options of a wrong shape or range; nothing has changed then.
         """
         seed = seed.tolist() if isinstance(seed, np.ndarray) else seed
         options = check_options(options, (*OPTIONS, "reset_mask"))
         wanted = options.pop("reset_mask", None)
         mask = self._all if wanted is None else self._check_mask(wanted)
         if not (self._begun or mask.all()):
-            raise gym.error.ResetNeeded("the first reset() must start all flights, without a reset_mask")
+            raise gym.error.ResetNeeded("the first reset() must start all episodes, without a reset_mask")
         super().reset(seed=None if seed is None or isinstance(seed, Sequence) else check_seed(seed))
         seeds = self._seeds(seed)
-        observation, record = begin(self.fleet, mask, seeds, options)
+        observation, record = start_episodes(self.fleet, mask, seeds, options)
         self._begun, self._ended = True, self._ended & ~mask
         known = np.full(self.num_envs, np.nan) if options else known_k_star(self.fleet, first=seeds is not None)
         self._k_star = np.where(mask, known, self._k_star)
@@ -140,55 +155,61 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
     def step(
         self, actions: ArrayLike
     ) -> tuple[NDArray[np.float32], NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Fly all vehicles one step; shapes (n, 2) -> (n, 19), (n,), (n,), (n,)."""
+        """Advance all vehicles by one step; shapes (n, 2) -> (n, 19), (n,), (n,), (n,).
+
+        Raises:
+            gym.error.ResetNeeded: before the first reset; in mode DISABLED also if an ended episode was not reset.
+            ValueError: for actions of another shape or not finite; no vehicle has moved then.
+        """
         if not self._begun:
             raise gym.error.ResetNeeded("call reset() before the first step()")
         take_actions(actions, self.fleet.actions)
         if self.autoreset_mode == AutoresetMode.DISABLED and self._ended.any():
             raise gym.error.ResetNeeded(
-                f"flights {np.flatnonzero(self._ended)[:5].tolist()} have ended; reset them first"
+                f"the episodes of vehicles {np.flatnonzero(self._ended)[:5].tolist()} have ended; reset them first"
             )
-        flown = self.fleet.step()
-        terminated, truncated, _ = flown.record.flags
-        before, begun = self._k_star, flown.record.counts[0] == 0
-        if begun.any():
-            self._k_star = np.where(begun, known_k_star(self.fleet, first=False), before)
-        infos = self._infos(flown.record, self._all, _NOBODY if flown.final is not None else flown.ended)
+        result = self.fleet.step()
+        terminated, truncated, _ = result.record.flags
+        before, started = self._k_star, result.record.counts[0] == 0
+        if started.any():
+            self._k_star = np.where(started, known_k_star(self.fleet, first=False), before)
+        infos = self._infos(result.record, self._all, _NONE if result.final is not None else result.ended)
         if self.autoreset_mode == AutoresetMode.DISABLED:
             self._ended = terminated | truncated
-        elif flown.final is not None:
-            infos |= self._final(flown, terminated | truncated, before)
-        return flown.observation, flown.record.numbers[REWARD], terminated, truncated, infos
+        elif result.final is not None:
+            infos |= self._final(result, terminated | truncated, before)
+        return result.observation, result.record.numbers[REWARD], terminated, truncated, infos
 
-    def _final(self, flown: StepResult, mask: Mask, k_star: Array) -> dict[str, Any]:
-        assert flown.final is not None
-        assert flown.final_observation is not None
+    def _final(self, result: StepResult, mask: Mask, k_star: Array) -> dict[str, Any]:
+        """Return the final observations and infos of the episodes under `mask`, whose K* is `k_star`."""
+        assert result.final is not None
+        assert result.final_observation is not None
         observations = np.full(self.num_envs, None, dtype=object)
-        for i in flown.ended:
-            observations[i] = flown.final_observation[i]
+        for i in result.ended:
+            observations[i] = result.final_observation[i]
         return {
             "final_obs": observations,
             "_final_obs": mask,
-            "final_info": self._infos(Record.of(np.where(mask, flown.final, 0.0)), mask, flown.ended)
+            "final_info": self._infos(Record.of(np.where(mask, result.final, 0.0)), mask, result.ended)
             | {"k_star": np.where(mask, k_star, 0.0)},
             "_final_info": mask,
         }
 
     def _infos(self, record: Record, mask: Mask, rows: NDArray[np.intp]) -> dict[str, Any]:
-        """Return the infos; `rows` are the flights that have an outcome."""
+        """Return the infos; `rows` are the vehicles whose outcome is not "flying"."""
         infos = {
             "state": record.numbers[0:5].T,
             "time": record.numbers[TIME],
             "steps": record.counts[0],
             "hoops_passed": record.counts[1],
             "is_success": record.flags[2],
-            "outcome": self._words.of(rows, record.numbers[OUTCOME][rows]),
+            "outcome": self._outcomes.of(rows, record.numbers[OUTCOME][rows]),
             "k_star": self._k_star.copy(),
         }
         return infos | (self._masks if mask is self._all else {f"_{key}": mask for key in infos})
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> Seeds | None:
-        """Return a seed for each vehicle, or None to go on with the seeds there are."""
+        """Return a seed for each vehicle, or None to keep the present seeds."""
         if seed is None:
             if self._begun:
                 return None

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from flatgym.kernels.layout import vectors
+from flatgym.kernels.layout import vectorized
 
 QUARTER, QUARTER_REST = math.pi / 2, 6.123233995736766e-17
 """pi/2 as the sum of two numbers."""
 
 
-@vectors
+@vectorized
 def sine_cosine(angle: float) -> Any:
     """Return sine and cosine by Taylor series about the nearest quarter turn, without branches; error < 1e-15."""
     k = np.floor(angle * (1 / QUARTER) + 0.5)
@@ -29,7 +29,7 @@ def sine_cosine(angle: float) -> Any:
     return (-sine if k >= 2.0 else sine), (-cosine if (k == 1.0) | (k == 2.0) else cosine)
 
 
-@vectors
+@vectorized
 def bessel(a: float) -> Any:
     """Return j0(a) and j1(a) for |a| <= pi by their power series, without branches; error < 1e-15."""
     q = a * a
@@ -41,7 +41,7 @@ def bessel(a: float) -> Any:
     return j0, a / 3 * (1 - q / 10 * (1 - q / 28 * (1 - q / 54 * j1)))
 
 
-@vectors
+@vectorized
 def squash(one: float, other: float, unit: float) -> Any:
     """Return length / (unit + |length|) for two lengths with one division."""
     a, b = unit + abs(one), unit + abs(other)

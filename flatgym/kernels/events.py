@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from flatgym.arc import HAIR, ROOT_ITERATIONS, ROOT_WIDTH
+from flatgym.arc import ROOT_ITERATIONS, ROOT_WIDTH, SAGITTA_TOLERANCE
 from flatgym.kernels.layout import compiled
 
 HEIGHT, SPEED, APPROACH = 0, 1, 2
@@ -172,7 +172,7 @@ def distance(arc: Any, dt: float, px: float, pz: float, within: float) -> float:
                 time = rising_root(arc, APPROACH, px, pz, 0.0, 0.0, low, high, 1.0)
                 least = min(least, _distance_at(arc, px, pz, time))
             continue
-        if sagitta <= HAIR or waiting + 2 > PARTS:
+        if sagitta <= SAGITTA_TOLERANCE or waiting + 2 > PARTS:
             least = floor
             continue
         middle = (low + high) / 2

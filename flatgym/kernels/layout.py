@@ -19,17 +19,17 @@ import numpy as np
 from numba.extending import register_jitable
 
 from flatgym.scenarios.counter_rng import mix, normal, uniform
-from flatgym.scenarios.distributions import draws_needed, place
-from flatgym.scenarios.disturbances import affect
+from flatgym.scenarios.distributions import uniforms_needed, write_scene
+from flatgym.scenarios.disturbances import write_disturbances
 from flatgym.task.observation import OBSERVATION_NAMES
 
 compiled = numba.njit(error_model="numpy")
 """For what is rare, and looked at one vehicle at a time."""
-vectors = numba.njit(error_model="numpy", fastmath={"contract", "arcp"})
+vectorized = numba.njit(error_model="numpy", fastmath={"contract", "arcp"})
 """For loops over a block; no branches in them."""
 cached = numba.njit(cache=True, error_model="numpy")
 """For what is called from outside; kept on disk."""
-for shared in (mix, uniform, normal, draws_needed, place, affect):
+for shared in (mix, uniform, normal, uniforms_needed, write_scene, write_disturbances):
     register_jitable(shared)
 
 BLOCK = 64
@@ -61,7 +61,7 @@ ROW = offsets()(len(OBSERVATION_NAMES))  # of what is seen; and to count rows fr
 SEEN = len(ROW) * BLOCK
 
 SPAN = np.uint64(ROWS * BLOCK)
-NONE, ONE, LANES = np.uint64(0), np.uint64(1), np.uint64(BLOCK)
+ZERO, ONE, LANES = np.uint64(0), np.uint64(1), np.uint64(BLOCK)
 GROUP = np.uint64(16)
 """Vehicles are reckoned with in whole groups, so that nobody's rounding depends on his place in a batch."""
 

@@ -35,13 +35,13 @@ from flatgym.kernels.layout import (
     X,
     Z,
     compiled,
-    vectors,
+    vectorized,
 )
 from flatgym.scenarios.counter_rng import NOISE, normal
 from flatgym.task.observation import LENGTH_UNIT, SPEED_UNIT
 
 
-@vectors
+@vectorized
 def measure(f: Any, s: Any, o: Any, m: Any) -> None:
     """Write the states as the sensors tell them: the truth, to which noise may be added."""
     for i in range(m):
@@ -51,15 +51,15 @@ def measure(f: Any, s: Any, o: Any, m: Any) -> None:
 
 
 @compiled
-def err(f: Any, s: Any, k: Any, i: Any, noise: float, seed: Any, episode: Any) -> None:
+def add_noise(f: Any, s: Any, k: Any, i: Any, noise: float, seed: Any, episode: Any) -> None:
     """Add sensor noise to what is measured of one vehicle."""
     index = np.uint64(NOISE) + np.uint64(f[k + STEPS]) * np.uint64(10)
     for j in range(5):
         s[i + MX + ROW[j]] += noise * normal(seed, episode, index + np.uint64(2 * j))
 
 
-@vectors
-def perceive(f: Any, s: Any, t: Any, o: Any, m: Any, c: Any) -> None:
+@vectorized
+def write_features(f: Any, s: Any, t: Any, o: Any, m: Any, c: Any) -> None:
     """Write the features of `flatgym.task.observe` to the rows of `t`."""
     share, floor, ceiling = 1 / c.max_steps, c.floor, c.ceiling
     for i in range(m):
@@ -82,14 +82,16 @@ def perceive(f: Any, s: Any, t: Any, o: Any, m: Any, c: Any) -> None:
 
 
 @compiled
-def show(f: Any, s: Any, t: Any, o: Any, n: Any, m: Any, c: Any, ids: Any, first: int, observation: Any) -> None:
+def write_observation(
+    f: Any, s: Any, t: Any, o: Any, n: Any, m: Any, c: Any, ids: Any, first: int, observation: Any
+) -> None:
     """Write the observations of a block."""
     measure(f, s, o, m)
     if c.sensor_noise > 0:
         for i in range(n):
-            err(f, s, o + i, i, c.sensor_noise, ids[0, first + i], ids[1, first + i])
+            add_noise(f, s, o + i, i, c.sensor_noise, ids[0, first + i], ids[1, first + i])
     if c.features:
-        perceive(f, s, t, o, m, c)
+        write_features(f, s, t, o, m, c)
         for i in range(n):
             for j in range(len(ROW)):
                 observation[first + i, j] = t[ROW[j] + i]

@@ -40,25 +40,25 @@ from flatgym.kernels.layout import (
     Z,
     compiled,
 )
-from flatgym.kernels.reward import value
+from flatgym.kernels.reward import write_potential
 from flatgym.scenarios.counter_rng import DISTURBANCE, SCENE, START, uniform
-from flatgym.scenarios.distributions import PER_HOOP, PLACED, draws_needed, place
-from flatgym.scenarios.disturbances import affect
+from flatgym.scenarios.distributions import PER_HOOP, PLACED, uniforms_needed, write_scene
+from flatgym.scenarios.disturbances import write_disturbances
 from flatgym.scenarios.scenario import BOUNDS_MARGIN
 from flatgym.task.observation import LENGTH_UNIT
 from flatgym.task.scene import FLYING
 
 
 @compiled
-def start(f: Any, s: Any, k: Any, c: Any, lane: Any, world: Any) -> None:
+def start_episode(f: Any, s: Any, k: Any, c: Any, lane: Any, world: Any) -> None:
     """Begin an episode: everything drawn, the vehicle at its start, its potential known."""
     ids, all_hoops, pool, numbers = world
     seed, episode, hoops = ids[0, lane], ids[1, lane], all_hoops[lane]
     if c.drawn:
-        draw_scene(f, k, seed, episode, hoops, numbers)
+        sample_scene(f, k, seed, episode, hoops, numbers)
     f[k + FACTOR], f[k + PULL_X], f[k + PULL_Z], f[k + DELAY] = 1.0, 0.0, -c.gravity, 0.0
     if c.disturbed:
-        disturb(f, k, c, seed, episode)
+        sample_disturbances(f, k, c, seed, episode)
     f[k + X], f[k + Z], f[k + VX], f[k + VZ], f[k + THETA] = c.start_x, c.start_z, 0.0, 0.0, 0.0
     f[k + STEPS], f[k + PASSED], f[k + OUTCOME] = 0.0, 0.0, FLYING
     if pool.shape[0] > 0 and uniform(seed, episode, np.uint64(START)) < c.share:
@@ -66,17 +66,17 @@ def start(f: Any, s: Any, k: Any, c: Any, lane: Any, world: Any) -> None:
         for j in range(5):
             f[k + X + ROW[j]] = pool[row, j]
         f[k + PASSED] = pool[row, 5]
-    aim(f, k, hoops)
-    value(f, s, k, ONE, c)
+    find_next_hoops(f, k, hoops)
+    write_potential(f, s, k, ONE, c)
 
 
 @compiled
-def draw_scene(f: Any, k: Any, seed: Any, episode: Any, hoops: Any, numbers: Any) -> None:
+def sample_scene(f: Any, k: Any, seed: Any, episode: Any, hoops: Any, numbers: Any) -> None:
     """Draw goal and hoops, and set the bounds around them, as `Scenario.bounds` does."""
-    u, scene = np.empty(draws_needed(hoops.shape[0])), np.empty(PLACED + PER_HOOP * hoops.shape[0])
+    u, scene = np.empty(uniforms_needed(hoops.shape[0])), np.empty(PLACED + PER_HOOP * hoops.shape[0])
     for i in range(u.size):
         u[i] = uniform(seed, episode, np.uint64(SCENE + i))
-    place(u, numbers, scene)
+    write_scene(u, numbers, scene)
     f[k + GOAL_X], f[k + GOAL_Z], f[k + COUNT] = scene[0], scene[1], scene[2]
     low_x, high_x = min(0.0, scene[0]), max(0.0, scene[0])
     low_z, high_z = min(0.0, scene[1]), max(0.0, scene[1])
@@ -91,17 +91,17 @@ def draw_scene(f: Any, k: Any, seed: Any, episode: Any, hoops: Any, numbers: Any
 
 
 @compiled
-def disturb(f: Any, k: Any, c: Any, seed: Any, episode: Any) -> None:
+def sample_disturbances(f: Any, k: Any, c: Any, seed: Any, episode: Any) -> None:
     """Draw the disturbances of an episode."""
     u, drawn = np.empty(5), np.empty(4)
     for i in range(5):
         u[i] = uniform(seed, episode, np.uint64(DISTURBANCE + i))
-    affect(u, c.wind, c.thrust_gain, c.mass, c.action_delay, drawn)
+    write_disturbances(u, c.wind, c.thrust_gain, c.mass, c.action_delay, drawn)
     f[k + FACTOR], f[k + PULL_X], f[k + PULL_Z], f[k + DELAY] = drawn[0], drawn[1], drawn[2] - c.gravity, drawn[3]
 
 
 @compiled
-def aim(f: Any, k: Any, hoops: Any) -> None:
+def find_next_hoops(f: Any, k: Any, hoops: Any) -> None:
     """Fill in the next two hoops, and the length of the way from the first of them to the goal."""
     j, count = int(f[k + PASSED]), int(f[k + COUNT])
     for i in range(2):

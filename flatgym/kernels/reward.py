@@ -25,7 +25,7 @@ from flatgym.kernels.layout import (
     Z1,
     X,
     Z,
-    vectors,
+    vectorized,
 )
 from flatgym.task.scene import FLYING, GOAL, TIME_LIMIT
 from flatgym.task.shaping import CRUISE_SPEED, DIRECTIONS
@@ -33,8 +33,8 @@ from flatgym.task.shaping import CRUISE_SPEED, DIRECTIONS
 _DX, _DZ = tuple(map(float, DIRECTIONS[0])), tuple(map(float, DIRECTIONS[1]))
 
 
-@vectors
-def value(f: Any, s: Any, o: Any, n: Any, c: Any) -> None:
+@vectorized
+def write_potential(f: Any, s: Any, o: Any, n: Any, c: Any) -> None:
     """Write the shaping potential of `flatgym.task.shaping`, and keep the one before it."""
     thrust, gravity = c.thrust_max, c.gravity
     for i in range(n):
@@ -63,8 +63,8 @@ def value(f: Any, s: Any, o: Any, n: Any, c: Any) -> None:
         f[k + POTENTIAL] = 0.0 if over else -s[i + FLAG] - detour / CRUISE_SPEED
 
 
-@vectors
-def pay(f: Any, s: Any, o: Any, m: Any, c: Any) -> None:
+@vectorized
+def write_reward(f: Any, s: Any, o: Any, m: Any, c: Any) -> None:
     """Write reward and end of the step; who begins anew in this step has neither."""
     dt, most, shaped = c.dt, c.max_steps, (1.0 if c.shaped else 0.0)
     for i in range(m):

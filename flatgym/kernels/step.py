@@ -10,7 +10,6 @@ from flatgym.kernels.layout import (
     END,
     GROUP,
     LANES,
-    NONE,
     ONE,
     OUTCOME,
     PASSED,
@@ -21,20 +20,21 @@ from flatgym.kernels.layout import (
     SPAN,
     STEPS,
     WAITED,
+    ZERO,
     X,
     cached,
     compiled,
-    vectors,
+    vectorized,
 )
-from flatgym.kernels.observation import show
-from flatgym.kernels.reset import aim, start
-from flatgym.kernels.reward import pay, value
-from flatgym.kernels.transition import command, delay, fly, happen, judge
+from flatgym.kernels.observation import write_observation
+from flatgym.kernels.reset import find_next_hoops, start_episode
+from flatgym.kernels.reward import write_potential, write_reward
+from flatgym.kernels.transition import check_contacts, delay_controls, exact_step, scale_actions, write_outcome
 from flatgym.task.scene import FLYING, GOAL, TIME_LIMIT
 
 
-@vectors
-def tell(f: Any, s: Any, o: Any, n: Any, first: Any, dt: float, numbers: Any) -> None:
+@vectorized
+def write_record(f: Any, s: Any, o: Any, n: Any, first: Any, dt: float, numbers: Any) -> None:
     """Write how the flights stand; rows as in `flatgym.envs.fleet.ROWS`."""
     for j in range(5):
         for i in range(n):
@@ -45,8 +45,8 @@ def tell(f: Any, s: Any, o: Any, n: Any, first: Any, dt: float, numbers: Any) ->
         numbers[8, lane], numbers[9, lane], numbers[10, lane] = s[i + REWARD], s[i + END], f[k + STEPS] * dt
 
 
-@vectors
-def summarize(f: Any, s: Any, o: Any, n: Any, first: Any, counts: Any, flags: Any) -> None:
+@vectorized
+def write_counts_and_flags(f: Any, s: Any, o: Any, n: Any, first: Any, counts: Any, flags: Any) -> None:
     """Write what follows from the numbers; see `flatgym.envs.fleet.Record`."""
     for i in range(n):
         lane, end = first + i, s[i + END]
@@ -58,8 +58,8 @@ def summarize(f: Any, s: Any, o: Any, n: Any, first: Any, counts: Any, flags: An
         counts[1, first + i] = int(f[o + PASSED + i])
 
 
-@vectors
-def finite(actions: Any) -> bool:
+@vectorized
+def all_finite(actions: Any) -> bool:
     """Return whether all actions are finite."""
     wrong = 0
     for i in range(np.uint64(actions.shape[0])):
@@ -67,8 +67,8 @@ def finite(actions: Any) -> bool:
     return wrong == 0
 
 
-@vectors
-def stirring(s: Any, n: Any) -> int:
+@vectorized
+def count_ended(s: Any, n: Any) -> int:
     """Return how many of a block have ended or begin anew."""
     busy = 0
     for i in range(n):
@@ -77,16 +77,16 @@ def stirring(s: Any, n: Any) -> int:
 
 
 @compiled
-def renew(f: Any, s: Any, o: Any, n: Any, flag: Any, c: Any, world: Any, first: Any) -> None:
+def autoreset(f: Any, s: Any, o: Any, n: Any, flag: Any, c: Any, world: Any, first: Any) -> None:
     """Begin the next episode of those of a block whose row `flag` is above zero."""
     for i in range(n):
         if s[flag + i] > 0:
             world[0][1, first + i] += ONE
-            start(f, s, o + i, c, first + i, world)
+            start_episode(f, s, o + i, c, first + i, world)
 
 
 @compiled
-def begin(f: Any, s: Any, o: Any, n: Any, c: Any, world: Any, first: Any, given: Any) -> None:
+def start_requested(f: Any, s: Any, o: Any, n: Any, c: Any, world: Any, first: Any, given: Any) -> None:
     """Begin an episode for those of a block whose row of `given` begins with 1.
 
     A row of `given` is [1 or 0, x, z, vx, vz, theta, hoops passed]; what of it is not nan replaces what was drawn.
@@ -95,14 +95,14 @@ def begin(f: Any, s: Any, o: Any, n: Any, c: Any, world: Any, first: Any, given:
         k, lane = o + i, first + i
         if given[lane, 0] == 0:
             continue
-        start(f, s, k, c, lane, world)
+        start_episode(f, s, k, c, lane, world)
         for j in range(5):
             if given[lane, 1 + j] == given[lane, 1 + j]:
                 f[k + X + ROW[j]] = given[lane, 1 + j]
         if given[lane, 6] == given[lane, 6]:
             f[k + PASSED] = given[lane, 6]
-        aim(f, k, world[1][lane])
-        value(f, s, k, ONE, c)
+        find_next_hoops(f, k, world[1][lane])
+        write_potential(f, s, k, ONE, c)
 
 
 @cached
@@ -117,7 +117,7 @@ def advance(
     actions: Any,
     given: Any,
     observation: Any,
-    told: Any,
+    record: Any,
     counts: Any,
     flags: Any,
     ended: Any,
@@ -133,33 +133,33 @@ def advance(
     """
     c, count, over, flies = settings[0], np.uint64(ids.shape[1]), 0, given.shape[0] == 0
     s, t, world = np.zeros(SCRATCH), np.empty(SEEN, dtype=np.float32), (ids, hoops, pool, numbers)
-    if flies and not finite(actions):
+    if flies and not all_finite(actions):
         return -1
-    for first in range(NONE, count, LANES):
+    for first in range(ZERO, count, LANES):
         o, n = first // LANES * SPAN, min(LANES, count - first)
         m = (n + GROUP - ONE) // GROUP * GROUP
         if flies:
-            command(s, m, c, actions, first)
+            scale_actions(s, m, c, actions, first)
             if c.action_delay > 0:
-                delay(f, s, o, n, c, pending, first)
-            fly(f, s, o, m, c.dt)
-            happen(f, s, o, n, m, c, hoops, first)
-            judge(f, s, o, m, c)
+                delay_controls(f, s, o, n, c, pending, first)
+            exact_step(f, s, o, m, c.dt)
+            check_contacts(f, s, o, n, m, c, hoops, first)
+            write_outcome(f, s, o, m, c)
             if c.shaped:
-                value(f, s, o, m, c)
-            pay(f, s, o, m, c)
+                write_potential(f, s, o, m, c)
+            write_reward(f, s, o, m, c)
         else:
-            begin(f, s, o, n, c, world, first, given)
-        if stirring(s, n) > 0:
+            start_requested(f, s, o, n, c, world, first, given)
+        if count_ended(s, n) > 0:
             for i in range(n):
                 if s[END + i] > 0:
                     ended[over] = first + i
                     over += 1
             if c.same_step:
-                tell(f, s, o, n, first, c.dt, final)
-                show(f, s, t, o, n, m, c, ids, first, final_observation)
-            renew(f, s, o, n, END if c.same_step else WAITED, c, world, first)
-        tell(f, s, o, n, first, c.dt, told)
-        summarize(f, s, o, n, first, counts, flags)
-        show(f, s, t, o, n, m, c, ids, first, observation)
+                write_record(f, s, o, n, first, c.dt, final)
+                write_observation(f, s, t, o, n, m, c, ids, first, final_observation)
+            autoreset(f, s, o, n, END if c.same_step else WAITED, c, world, first)
+        write_record(f, s, o, n, first, c.dt, record)
+        write_counts_and_flags(f, s, o, n, first, counts, flags)
+        write_observation(f, s, t, o, n, m, c, ids, first, observation)
     return over

@@ -45,15 +45,15 @@ from flatgym.kernels.layout import (
     X,
     Z,
     compiled,
-    vectors,
+    vectorized,
 )
-from flatgym.kernels.reset import aim
+from flatgym.kernels.reset import find_next_hoops
 from flatgym.task.scene import CEILING, COLLISION, FLOOR, FLYING, GOAL, OUT_OF_BOUNDS, TIME_LIMIT
 from flatgym.task.transition import CONTACT_SLACK
 
 
-@vectors
-def command(s: Any, m: Any, c: Any, actions: Any, first: int) -> None:
+@vectorized
+def scale_actions(s: Any, m: Any, c: Any, actions: Any, first: int) -> None:
     """Turn actions into thrust and rate; clipped to the box."""
     low, high, most = c.thrust_min, c.thrust_max, c.rate_max
     for i in range(m):
@@ -65,7 +65,7 @@ def command(s: Any, m: Any, c: Any, actions: Any, first: int) -> None:
 
 
 @compiled
-def delay(f: Any, s: Any, o: Any, n: Any, c: Any, pending: Any, first: int) -> None:
+def delay_controls(f: Any, s: Any, o: Any, n: Any, c: Any, pending: Any, first: int) -> None:
     """Put the commands into their queues, and take out those whose time has come; before the first, hover."""
     slots = pending.shape[1]
     for i in range(n):
@@ -79,8 +79,8 @@ def delay(f: Any, s: Any, o: Any, n: Any, c: Any, pending: Any, first: int) -> N
             s[RATE + i] = pending[lane, (step - late) % slots, 1]
 
 
-@vectors
-def fly(f: Any, s: Any, o: Any, m: Any, h: float) -> None:
+@vectorized
+def exact_step(f: Any, s: Any, o: Any, m: Any, h: float) -> None:
     """Fly the exact step of `flatgym.quadrotor`; no step makes a whole turn, so |rate| h / 2 <= pi."""
     for i in range(m):
         k = o + i
@@ -97,8 +97,8 @@ def fly(f: Any, s: Any, o: Any, m: Any, h: float) -> None:
         f[k + THETA] = theta + rate * h
 
 
-@vectors
-def suspect(f: Any, s: Any, o: Any, m: Any, c: Any) -> int:
+@vectorized
+def flag_contacts(f: Any, s: Any, o: Any, m: Any, c: Any) -> int:
     """Mark the vehicles that may have met a hoop, the floor or the ceiling inside the step; return how many.
 
     An arc strays from its chord by at most |p''| h^2 / 8, and |p''| is at most thrust and pull together.
@@ -136,7 +136,7 @@ def arc_of(f: Any, s: Any, k: Any, i: Any) -> Any:
 
 
 @compiled
-def meet(f: Any, s: Any, k: Any, i: Any, c: Any, hoops: Any) -> int:
+def resolve_contacts(f: Any, s: Any, k: Any, i: Any, c: Any, hoops: Any) -> int:
     """Pass the hoops met inside the step, and return the outcome if a rim, the floor or the ceiling was touched."""
     arc, touched, time = arc_of(f, s, k, i), FLYING, 0.0
     j, count = int(f[k + PASSED]), int(f[k + COUNT])
@@ -153,7 +153,7 @@ def meet(f: Any, s: Any, k: Any, i: Any, c: Any, hoops: Any) -> int:
             break
     if j != int(f[k + PASSED]):
         f[k + PASSED] = j
-        aim(f, k, hoops)
+        find_next_hoops(f, k, hoops)
     # A way no vehicle can rise or fall within the step; mostly only one of the two is near.
     reach = (abs(s[i + BVZ]) + (arc[5] + abs(arc[8])) * c.dt) * c.dt
     for up, limit, word in ((-1.0, -c.ceiling, CEILING), (1.0, c.floor, FLOOR)):
@@ -166,13 +166,13 @@ def meet(f: Any, s: Any, k: Any, i: Any, c: Any, hoops: Any) -> int:
 
 
 @compiled
-def happen(f: Any, s: Any, o: Any, n: Any, m: Any, c: Any, hoops: Any, first: int) -> None:
+def check_contacts(f: Any, s: Any, o: Any, n: Any, m: Any, c: Any, hoops: Any, first: int) -> None:
     """Look closely at those who may have met something."""
-    if suspect(f, s, o, m, c) == 0 and c.radius == 0:
+    if flag_contacts(f, s, o, m, c) == 0 and c.radius == 0:
         return
     for i in range(n):
         if c.radius > 0 or s[FLAG + i] > 0:
-            s[FLAG + i] = meet(f, s, o + i, i, c, hoops[first + i])
+            s[FLAG + i] = resolve_contacts(f, s, o + i, i, c, hoops[first + i])
 
 
 @compiled
@@ -187,8 +187,8 @@ def touches_rim(arc: Any, h: float, radius: float, hoops: Any, count: int) -> bo
     return False
 
 
-@vectors
-def judge(f: Any, s: Any, o: Any, m: Any, c: Any) -> None:
+@vectorized
+def write_outcome(f: Any, s: Any, o: Any, m: Any, c: Any) -> None:
     """Count the step and say how the flight stands; FLAG holds the outcome of a contact, which comes first."""
     position, speed, angle, most = c.position, c.speed, c.angle, c.last_step
     for i in range(m):

@@ -92,7 +92,7 @@ class Backdrop:
     def _label(self, canvas: Canvas, text: str, left: float, middle: float) -> None:
         unit = self.unit
         canvas.panel(left - unit, middle - 6 * unit, text_width(text, 16 * unit) + 2 * unit, 11 * unit, PAPER)
-        canvas.words(text, (left, middle), 16 * unit, FAINT)
+        canvas.text(text, (left, middle), 16 * unit, FAINT)
 
     def _bands(self, canvas: Canvas, camera: Camera) -> None:
         unit, (left, top, width, height) = self.unit, camera.view
@@ -107,7 +107,7 @@ class Backdrop:
             canvas.clip(camera.view)
             canvas.line([(left, edge), (left + width, edge)], INK, 2.5 * unit)
             place = (left + width - 12 * unit, edge + (16 if below else -16) * unit)
-            canvas.words(word, place, 18 * unit, mix(INK, BAND, 0.7), "midright")
+            canvas.text(word, place, 18 * unit, mix(INK, BAND, 0.7), "midright")
 
     def _hatch(self, canvas: Canvas, area: View) -> None:
         left, top, width, height = area
@@ -131,7 +131,7 @@ class Backdrop:
         down, slack = np.array([0.0, radius + 26 * unit]), 30 * unit
         for word, place, other, colour in (("start", start, goal, FAINT), ("goal", goal, start, GOAL)):
             below = other[1] < place[1] + slack
-            canvas.words(word, place + (down if below else -down), 19 * unit, colour, "center")
+            canvas.text(word, place + (down if below else -down), 19 * unit, colour, "center")
 
     def _half_ring(self, canvas: Canvas, camera: Camera, hoop: Hoop, colour: Colour, near: bool, bold: bool) -> None:
         unit, centre, half = self.unit, camera(hoop.centre), hoop.diameter / 2 * camera.scale
@@ -155,7 +155,7 @@ class Backdrop:
         outwards = _on_screen(hoop.across if hoop.across[1] >= -1e-9 else -hoop.across)
         place = camera(hoop.centre) + (hoop.diameter / 2 * camera.scale + (20 + 26 * before) * unit) * outwards
         canvas.disc(place, 11 * unit, colour)
-        canvas.words(f"{i + 1}", place + np.array([0.0, unit]), 19 * unit, WHITE, "center")
+        canvas.text(f"{i + 1}", place + np.array([0.0, unit]), 19 * unit, WHITE, "center")
 
 
 def _on_screen(direction: Array) -> Array:

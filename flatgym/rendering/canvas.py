@@ -165,7 +165,7 @@ class Canvas:
         box = pygame.Rect(*_large((left, top)), *_large((width, height)))
         self._touch(pygame.draw.rect(self.surface, colour, box, border_radius=round(round_by * SUPERSAMPLING)))
 
-    def words(self, text: str, place: ArrayLike, height: float, colour: Colour, anchor: str = "midleft") -> float:
+    def text(self, text: str, place: ArrayLike, height: float, colour: Colour, anchor: str = "midleft") -> float:
         """Write a line of text so that its `anchor`, a name as of pygame's Rect, is at a place; return its width."""
         picture = _text(text, round(height * SUPERSAMPLING), colour)
         box = picture.get_rect(**{anchor: tuple(int(v) for v in _large(place))})

@@ -46,7 +46,7 @@ def panels(canvas: Canvas, unit: float, scenario: Scenario, with_ghost: bool) ->
     canvas.panel(0, bottom, width, FOOTER * unit, WHITE)
     for edge in (HEADER * unit, bottom):
         canvas.line([(0, edge), (width, edge)], PALE, 1.5 * unit)
-    canvas.words(scenario.name, (20 * unit, 31 * unit), 38 * unit, INK)
+    canvas.text(scenario.name, (20 * unit, 31 * unit), 38 * unit, INK)
     _legend(canvas, unit, scenario, bottom + FOOTER * unit / 2, with_ghost)
 
 
@@ -55,27 +55,27 @@ def header(canvas: Canvas, unit: float, reading: Reading) -> None:
     colour = OUTCOME.get(reading.outcome, FAILURE)
     wide = text_width(reading.outcome, 19 * unit)
     canvas.panel(20 * unit, 52 * unit, wide + 20 * unit, 22 * unit, colour, 11 * unit)
-    canvas.words(reading.outcome, (30 * unit, 64 * unit), 19 * unit, WHITE)
+    canvas.text(reading.outcome, (30 * unit, 64 * unit), 19 * unit, WHITE)
     right = canvas.size[0] - 20 * unit
     for label, value in reversed(reading.columns()):
-        canvas.words(label, (right, 23 * unit), 18 * unit, FAINT, "midright")
-        canvas.words(value, (right, 53 * unit), 36 * unit, INK if value != "-" else PALE, "midright")
+        canvas.text(label, (right, 23 * unit), 18 * unit, FAINT, "midright")
+        canvas.text(value, (right, 53 * unit), 36 * unit, INK if value != "-" else PALE, "midright")
         right -= COLUMN * unit
 
 
 def _legend(canvas: Canvas, unit: float, scenario: Scenario, middle: float, with_ghost: bool) -> None:
     quadrotor, size = scenario.quadrotor, 18 * unit
     at = 20 * unit
-    at += canvas.words("thrust", (at, middle), size, FAINT) + 10 * unit
-    at += canvas.words(f"{quadrotor.thrust_min:g}", (at, middle), size, INK) + 8 * unit
+    at += canvas.text("thrust", (at, middle), size, FAINT) + 10 * unit
+    at += canvas.text(f"{quadrotor.thrust_min:g}", (at, middle), size, INK) + 8 * unit
     slices = 75
     for i in range(slices):
         place = at + RAMP_WIDTH * unit * i / slices
         canvas.panel(place, middle - 5 * unit, RAMP_WIDTH * unit / slices + 1, 10 * unit, ramp(i / (slices - 1)))
     at += RAMP_WIDTH * unit + 8 * unit
-    at += canvas.words(f"{quadrotor.thrust_max:g} m/s²", (at, middle), size, INK) + 40 * unit
+    at += canvas.text(f"{quadrotor.thrust_max:g} m/s²", (at, middle), size, INK) + 40 * unit
     if with_ghost:
         for dash in (0, 12, 24):
             canvas.line([(at + dash * unit, middle), (at + (dash + 7) * unit, middle)], GHOST, 2 * unit)
-        canvas.words("ghost", (at + 40 * unit, middle), size, FAINT)
-    canvas.words("metres", (canvas.size[0] - 20 * unit, middle), size, FAINT, "midright")
+        canvas.text("ghost", (at + 40 * unit, middle), size, FAINT)
+    canvas.text("metres", (canvas.size[0] - 20 * unit, middle), size, FAINT, "midright")

@@ -1,11 +1,11 @@
-"""What an environment remembers of an episode, so that it can be drawn: the states flown and the thrusts.
+"""The states and thrusts of an episode, recorded for rendering.
 
-    film = Film(problem, render_mode, ghost)    # when the environment is made
-    film.begin(scenario, info)                  # at reset
-    film.add(action, info)                      # at each step
-    film.draw()                                 # at render
+    recorder = EpisodeRecorder(problem, render_mode, ghost)    # when the environment is created
+    recorder.start(scenario, info)                             # at reset
+    recorder.add(thrust, info)                                 # at each step
+    recorder.draw()                                            # at render
 
-Without a mode nothing is remembered and nothing loaded. In a window every step is shown as it is flown.
+Without a render mode nothing is recorded and pygame is not loaded. In mode "human" a window shows every step.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from flatgym.scenarios.scenario import Scenario
 
 
 class EpisodeRecorder:
-    """The present episode, and the renderer that draws it.
+    """Records the current episode and draws it.
 
     Args:
-        problem: what the environment flies.
+        problem: scenario or distribution of the environment.
         mode: "human", "rgb_array" or None.
-        ghost: True for the best flight known of a named scenario, the states of another flight, shape (n, 5), or False.
-        scored: whether K* may be told, as disturbed flights are not comparable.
+        ghost: True for the best-known solution of a named scenario, states (n, 5) of another trajectory, or False.
+        scored: whether to show K*; False for disturbed vehicles, which K* does not apply to.
         size: width and height of the pictures [px].
 
     Raises:
-        ValueError: for an unknown mode, and where no flight is known; it names the way out.
-        ImportError: where the extra is missing.
+        ValueError: for an unknown mode, and for ghost=True without a best-known solution.
+        ImportError: if the extra "render" is not installed.
     """
 
     def __init__(
@@ -52,30 +52,29 @@ class EpisodeRecorder:
         self._renderer: Renderer | None = None
         self._states: list[Array] = []
 
-    def begin(self, scenario: Scenario, info: dict[str, Any]) -> None:
-        """Begin an episode of a scenario with the info of reset."""
+    def start(self, scenario: Scenario, info: dict[str, Any]) -> None:
+        """Start an episode of a scenario with the info of reset."""
         if self.mode is None:
             return
         self.scenario, self._info = scenario, info
         self._states, self._thrusts = [info["state"].copy()], list[float]()
-        # From elsewhere than the start, K* is not the fewest steps.
+        # K* belongs to episodes from the scenario's start.
         at_start = np.array_equal(info["state"], scenario.start_state) and info["hoops_passed"] == 0
         known = reference(scenario) if self.scored and at_start else None
         self._k_star = known.k_star if known else None
         self._show()
 
-    def add(self, action: ArrayLike, info: dict[str, Any]) -> None:
-        """Add a step: its action, shape (2,), and the info after it."""
+    def add(self, thrust: float, info: dict[str, Any]) -> None:
+        """Add a step: its commanded thrust [m/s^2] and the info after it."""
         if self.mode is None:
             return
-        control = self.scenario.quadrotor.control(np.clip(action, -1.0, 1.0))
         self._info = info
         self._states.append(info["state"].copy())
-        self._thrusts.append(float(control[0]))
+        self._thrusts.append(thrust)
         self._show()
 
     def draw(self) -> NDArray[np.uint8] | None:
-        """Return the picture of the episode as it stands, shape (height, width, 3); None in a window or without a mode.
+        """Return a picture of the episode so far, shape (height, width, 3); None in mode "human" or without a mode.
 
         Raises:
             RuntimeError: before the first episode.
@@ -87,7 +86,7 @@ class EpisodeRecorder:
         return None if self.mode == "human" else self._draw()
 
     def close(self) -> None:
-        """Close the window; again has no effect."""
+        """Close the window; may be called again."""
         if self._renderer is not None:
             self._renderer.close()
 
@@ -99,13 +98,14 @@ class EpisodeRecorder:
         if self._renderer is None:
             assert self.mode is not None
             self._renderer = Renderer(self.scenario, self.mode, k_star=self._k_star, ghost=self.ghost, size=self.size)
-        self._renderer.turn_to(self.scenario, self._k_star, self.ghost)
+        self._renderer.set_scenario(self.scenario, self._k_star, self.ghost)
         return self._renderer.draw(
             np.array(self._states), self._thrusts, int(self._info["hoops_passed"]), str(self._info["outcome"])
         )
 
 
 def _ghost(problem: Problem, ghost: bool | ArrayLike) -> Array | None:
+    """Return the states of the ghost, shape (n, 5), or None."""
     if isinstance(ghost, (bool, np.bool_)):
         return ghost_states(problem) if ghost else None
     return check_ghost(ghost)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flatgym.extras import require
+from flatgym.files import write_whole
 from flatgym.quadrotor import Array
 from flatgym.rendering.instant import Instant
 from flatgym.scenarios.scenario import Scenario
@@ -80,10 +80,10 @@ class Renderer:
         load_pygame()
         self.mode, self.size, self.is_open = mode, size, True
         self.picture: Picture | None = None
-        self.turn_to(scenario, k_star, None if ghost is None else check_ghost(ghost))
+        self.set_scenario(scenario, k_star, None if ghost is None else check_ghost(ghost))
         self._window = Window("FlatQuad", size, 1 / scenario.dt) if mode == "human" else None
 
-    def turn_to(self, scenario: Scenario, k_star: int | None = None, ghost: Array | None = None) -> None:
+    def set_scenario(self, scenario: Scenario, k_star: int | None = None, ghost: Array | None = None) -> None:
         """Draw flights through another scenario from now on; the same again costs nothing."""
         from flatgym.rendering.picture import Picture
 
@@ -112,7 +112,7 @@ class Renderer:
         if self._window is None:
             return self.picture.pixels(instant)
         self._window.show(self.picture.draw(instant))
-        if self._window.is_asked_to_close():
+        if self._window.close_requested():
             self.close()
         return None
 
@@ -152,7 +152,7 @@ class Window:
         self._window.flip()
         self._clock.tick(self.frames_per_second)
 
-    def is_asked_to_close(self) -> bool:
+    def close_requested(self) -> bool:
         """Return whether somebody has asked to close this window; others' requests are left to them."""
         import pygame
 
@@ -197,18 +197,12 @@ def write_video(path: str | Path, frames: Iterable[NDArray[np.uint8]], fps: floa
     if path.suffix not in VIDEOS:
         raise ValueError(f"unknown ending {path.suffix!r} of {path.name}; known: {', '.join(VIDEOS)}")
     require("render", "imageio", *(["imageio_ffmpeg"] if path.suffix == ".mp4" else []))
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        if _write_frames(temporary, frames, fps) == 0:
-            raise ValueError(f"a video needs at least one frame, got none for {path.name}")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(path, lambda temporary: _write_frames(temporary, frames, fps))
     return path
 
 
-def _write_frames(path: Path, frames: Iterable[NDArray[np.uint8]], fps: float) -> int:
+def _write_frames(path: Path, frames: Iterable[NDArray[np.uint8]], fps: float) -> None:
     import imageio.v2 as imageio
 
     options: dict[str, Any] = (
@@ -222,4 +216,5 @@ def _write_frames(path: Path, frames: Iterable[NDArray[np.uint8]], fps: float) -
         for frame in frames:
             writer.append_data(frame)
             number += 1
-    return number
+    if number == 0:
+        raise ValueError("a video needs at least one frame, got none")

@@ -114,20 +114,20 @@ class Distribution:
         )
 
     def draw(self, seed: Any, episode: Any) -> Array:
-        """Return the scenes of n episodes as `place` lays them down, shape (n, PLACED + PER_HOOP most).
+        """Return the scenes of n episodes as `write_scene` lays them down, shape (n, PLACED + PER_HOOP most).
 
         Args:
             seed, episode: uint64, shape (n,).
         """
-        count = draws_needed(self.hoops[1])
+        count = uniforms_needed(self.hoops[1])
         u = np.stack([uniform(seed, episode, np.uint64(SCENE + i)) for i in range(count)])
         scene = np.zeros((PLACED + PER_HOOP * self.hoops[1], u.shape[1]))
-        place(u, self.numbers, scene)
+        write_scene(u, self.numbers, scene)
         return np.ascontiguousarray(scene.T)
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """What `place` wants to know, as numbers."""
+        """What `write_scene` wants to know, as numbers."""
         return (
             self.half_width,
             self.least_distance,
@@ -139,12 +139,12 @@ class Distribution:
         )
 
 
-def draws_needed(hoops: int) -> int:
+def uniforms_needed(hoops: int) -> int:
     """Return how many uniform numbers a scene with up to so many hoops takes."""
     return 2 * TRIES + 1 + 3 * hoops
 
 
-def place(u: Any, numbers: Any, scene: Any) -> None:
+def write_scene(u: Any, numbers: Any, scene: Any) -> None:
     """Write a scene, rows as PLACED and PER_HOOP say, from uniform numbers u, shape (draws, ...), elementwise.
 
     Written without branches, so that the same lines serve arrays and the compiled kernel.
@@ -165,7 +165,7 @@ def place(u: Any, numbers: Any, scene: Any) -> None:
     scene[1] = z
     scene[2] = count
     for j in range(int(most)):
-        first = draws_needed(j)
+        first = uniforms_needed(j)
         share, shift = (j + 1) / (count + 1), far / (count + 1) * aside * (2 * u[first] - 1)
         scene[PLACED + PER_HOOP * j] = share * x - shift * along_z
         scene[PLACED + PER_HOOP * j + 1] = share * z + shift * along_x

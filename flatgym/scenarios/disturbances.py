@@ -71,7 +71,7 @@ class Disturbances:
         """
         u = np.stack([uniform(seed, episode, np.uint64(DISTURBANCE + i)) for i in range(5)])
         out = np.empty((4, u.shape[1]))
-        affect(u, self.wind, self.thrust_gain, self.mass, float(self.action_delay), out)
+        write_disturbances(u, self.wind, self.thrust_gain, self.mass, float(self.action_delay), out)
         return out[0], np.stack([out[1], out[2]], axis=-1), out[3].astype(np.int64)
 
     def noise(self, seed: Any, episode: Any, step: Any) -> Array:
@@ -81,7 +81,7 @@ class Disturbances:
         return self.sensor_noise * np.stack(errors, axis=-1)
 
 
-def affect(u: Any, wind: Any, thrust_gain: Any, mass: Any, delay: Any, out: Any) -> None:
+def write_disturbances(u: Any, wind: Any, thrust_gain: Any, mass: Any, delay: Any, out: Any) -> None:
     """Write thrust factor, acceleration by the wind (x, z) and delay to `out` (4, ...) from uniform u (5, ...)."""
     heavy = 1 + mass * (2 * u[0] - 1)
     out[0] = (1 + thrust_gain * (2 * u[1] - 1)) / heavy

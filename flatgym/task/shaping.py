@@ -39,27 +39,27 @@ def rest_time(offset: Array, speed: Array, forward: Array, backward: Array) -> A
     return np.sqrt((1 / forward + 1 / backward) * np.maximum(2 * offset + speed * begun, 0.0)) - begun
 
 
-def potential(scene: Scene, situation: EpisodeState) -> Array:
+def potential(scene: Scene, episode: EpisodeState) -> Array:
     """Return the potential [s], shape (n,): minus the time to go, 0 for flights that have ended for good.
 
     Args:
         scene: the scenarios of n vehicles.
         situation: where they stand.
     """
-    position, velocity, quadrotor = situation.state[:, 0:2], situation.state[:, 2:4], scene.quadrotor
+    position, velocity, quadrotor = episode.state[:, 0:2], episode.state[:, 2:4], scene.quadrotor
     offset, pull = scene.goal - position, quadrotor.gravity * DIRECTIONS[1]
     times = rest_time(
         offset @ DIRECTIONS, velocity @ DIRECTIONS, quadrotor.thrust_max - pull, quadrotor.thrust_max + pull
     )
-    detour = way_through_hoops(scene, situation) - np.hypot(offset[:, 0], offset[:, 1])
-    return np.where(situation.terminated, 0.0, -times.max(axis=1) - detour / CRUISE_SPEED)
+    detour = remaining_path_length(scene, episode) - np.hypot(offset[:, 0], offset[:, 1])
+    return np.where(episode.terminated, 0.0, -times.max(axis=1) - detour / CRUISE_SPEED)
 
 
-def way_through_hoops(scene: Scene, situation: EpisodeState) -> Array:
+def remaining_path_length(scene: Scene, episode: EpisodeState) -> Array:
     """Return the length of the polyline through the centres of the hoops ahead to the goal [m], shape (n,)."""
-    way, here = np.zeros(len(scene)), situation.state[:, 0:2]
+    way, here = np.zeros(len(scene)), episode.state[:, 0:2]
     for j in range(scene.hoop_centre.shape[1]):
-        ahead = (j >= situation.hoops_passed) & (j < scene.hoop_count)
+        ahead = (j >= episode.hoops_passed) & (j < scene.hoop_count)
         leg = scene.hoop_centre[:, j] - here
         way += np.where(ahead, np.hypot(leg[:, 0], leg[:, 1]), 0.0)
         here = np.where(ahead[:, None], scene.hoop_centre[:, j], here)

@@ -42,15 +42,15 @@ def initial(scene: Scene) -> EpisodeState:
     return EpisodeState(state=state, steps=nothing, hoops_passed=nothing, outcome=nothing)
 
 
-def advance(scene: Scene, situation: EpisodeState, control: Array) -> EpisodeState:
+def advance(scene: Scene, episode: EpisodeState, control: Array) -> EpisodeState:
     """Fly every vehicle one step of dt under its constant control [thrust, rate], shape (n, 2)."""
     felt = np.stack([control[:, 0] * scene.thrust_factor, control[:, 1]], axis=-1)
-    arc = Arc(scene.quadrotor, situation.state, felt, scene.dt, scene.wind)
+    arc = Arc(scene.quadrotor, episode.state, felt, scene.dt, scene.wind)
     after = EpisodeState(
         state=arc.at(scene.dt),
-        steps=situation.steps + 1,
-        hoops_passed=_pass_hoops(scene, arc, situation.hoops_passed),
-        outcome=situation.outcome,
+        steps=episode.steps + 1,
+        hoops_passed=_pass_hoops(scene, arc, episode.hoops_passed),
+        outcome=episode.outcome,
     )
     return replace(after, outcome=outcome(scene, arc, after))
 
@@ -77,15 +77,15 @@ def outcome(scene: Scene, arc: Arc, after: EpisodeState) -> Integers:
     return code
 
 
-def arrived(scene: Scene, situation: EpisodeState) -> NDArray[np.bool_]:
+def arrived(scene: Scene, episode: EpisodeState) -> NDArray[np.bool_]:
     """Return whether the vehicles are at the goal, slow, upright, all hoops passed, shape (n,)."""
-    offset, velocity = situation.state[:, 0:2] - scene.goal, situation.state[:, 2:4]
-    theta, tolerance = situation.state[:, 4], scene.tolerance
+    offset, velocity = episode.state[:, 0:2] - scene.goal, episode.state[:, 2:4]
+    theta, tolerance = episode.state[:, 4], scene.tolerance
     return (
         (np.hypot(offset[:, 0], offset[:, 1]) <= tolerance.position)
         & (np.hypot(velocity[:, 0], velocity[:, 1]) <= tolerance.speed)
         & (np.abs(nearest_turn(theta)) <= tolerance.angle)
-        & (situation.hoops_passed >= scene.hoop_count)
+        & (episode.hoops_passed >= scene.hoop_count)
     )
 
 

@@ -5,15 +5,15 @@ import pytest
 import torch
 
 from agents import policies
-from agents.imitation.cloning import CloneConfig, student
-from agents.imitation.dataset import Shown, mirrored
+from agents.imitation.cloning import CloneConfig, untrained_policy
+from agents.imitation.dataset import ExpertData, with_mirror_images
 from agents.policies import archive
-from agents.policies.guidance import HOOPS, LATEST, PER_HOOP, TIMELESS, Guidance, squashed, to_gaps, unsquashed
+from agents.policies.guidance import HOOPS, LATEST, PER_HOOP, TIMELESS, Guidance, to_gaps, unsquashed
 from flatgym import SCENARIOS, Quadrotor
 from flatgym.envs.spaces import observation_space
 from flatgym.scenarios.reference import ghost_states
 from flatgym.scenarios.scenario import Hoop, Scenario
-from flatgym.task.observation import HOOPS_SEEN, LENGTH_UNIT, observe
+from flatgym.task.observation import HOOPS_SEEN, LENGTH_UNIT, observe, squash
 from flatgym.task.scene import EpisodeState, Scene
 
 AHEAD, ASIDE, COASTING, THRUSTING = range(4)
@@ -47,7 +47,7 @@ def gaps(observations):
 def test_a_mirror_changes_only_signs(guidance):
     name = "slalom"
     observations = seen(SCENARIOS[name], ghost_states(name))
-    both = mirrored(Shown(observations, np.zeros((len(observations), 2), np.float32))).observations
+    both = with_mirror_images(ExpertData(observations, np.zeros((len(observations), 2), np.float32))).observations
     before, after = guidance(torch.from_numpy(both)).numpy().reshape(2, len(observations), -1)
     np.testing.assert_allclose(np.abs(after), np.abs(before), atol=1e-5)
     hoops = slice(TIMELESS, TIMELESS + HOOPS_SEEN * PER_HOOP)
@@ -83,8 +83,8 @@ def test_a_gap_is_seen_in_its_own_frame(angle):
     found = gaps(seen(scenario, [[*place, *velocity, angle]]))[0, 0]
     way = hoop.centre - place
     expected = {
-        AHEAD: squashed(torch.tensor(way @ hoop.direction), 0.5),
-        ASIDE: squashed(torch.tensor(way @ hoop.across), 0.25),
+        AHEAD: squash(torch.tensor(way @ hoop.direction), 0.5),
+        ASIDE: squash(torch.tensor(way @ hoop.across), 0.25),
         CLOSING: 4.0 / 8.0,
         DRIFT: 0.7 / 2.7,
         TIME: np.clip(way @ hoop.direction / 4.0, 0, LATEST),
@@ -119,12 +119,12 @@ def test_who_is_lifted_through_the_middle_misses_nothing_thrusting():
 
 def test_lengths_come_back_in_metres_and_the_infinite_as_the_farthest():
     lengths = torch.tensor([-40.0, -0.3, 0.0, 2.0, 30.0])
-    torch.testing.assert_close(unsquashed(squashed(lengths, LENGTH_UNIT)), lengths, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(unsquashed(squash(lengths, LENGTH_UNIT)), lengths, rtol=1e-4, atol=1e-5)
     assert unsquashed(torch.tensor(1.0)) == 50.0
 
 
 def test_the_network_of_a_policy_is_saved_with_it(tmp_path):
-    model = archive.rounded(student(CloneConfig(scenario="hoop", width=16, depth=1, guidance=True)))
+    model = archive.rounded(untrained_policy(CloneConfig(scenario="hoop", width=16, depth=1, guidance=True)))
     loaded = policies.load(policies.save(model, tmp_path / "guided.zip"), trust=True)
     observations = seen(SCENARIOS["hoop"], ghost_states("hoop"))
     np.testing.assert_array_equal(

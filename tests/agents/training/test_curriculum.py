@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from agents.training.configs import TIGHT, PPOConfig
-from agents.training.curriculum import CLOSE, Curriculum, FixedFailureCost, curriculum, demonstrated_flight, fill
+from agents.training.configs import TOLERANCE_SHARE, PPOConfig
+from agents.training.curriculum import NEAREST_SHARE, Curriculum, FixedFailureCost, curriculum, expert_flight
 from agents.training.vec_env import make_vec_env
 from flatgym import Hoop, Scenario, scenario
 from flatgym.envs.compiled_fleet import CompiledFleet
 from flatgym.envs.config import EnvConfig, Starts
-from flatgym.envs.fleet import Fleet
+from flatgym.envs.numpy_fleet import NumpyFleet
 from flatgym.envs.vector import FlatQuadVectorEnv
 from flatgym.scenarios.reference import reference
 
@@ -33,14 +33,14 @@ def test_the_tolerance_tightens_to_the_true_one(problem):
     seen = [course.tolerance(done) for done in np.linspace(0, 1, 21)]
     assert [tolerance.position for tolerance in seen] == sorted([t.position for t in seen], reverse=True)
     assert seen[0].position == pytest.approx(3 * course.problem.tolerance.position)
-    assert {t for t, done in zip(seen, np.linspace(0, 1, 21), strict=True) if done >= TIGHT} == {
+    assert {t for t, done in zip(seen, np.linspace(0, 1, 21), strict=True) if done >= TOLERANCE_SHARE} == {
         course.problem.tolerance
     }
 
 
 def test_flights_come_home_to_the_start():
     course = Curriculum(PPOConfig())
-    assert course.share(0.0) == course.share(TIGHT) == 0.8
+    assert course.share(0.0) == course.share(TOLERANCE_SHARE) == 0.8
     assert course.share(1.0) == pytest.approx(0.1)
 
 
@@ -51,7 +51,7 @@ def test_a_distribution_has_no_pool_of_starts():
 
 @pytest.mark.parametrize("name", ["hoop", "loop", "slalom"])
 def test_from_everywhere_on_the_demonstrated_flight_the_rest_of_it_reaches_the_goal(name):
-    flight, actions = demonstrated_flight(scenario(name)), reference(name).actions
+    flight, actions = expert_flight(scenario(name)), reference(name).actions
     n = len(actions)
     envs = FlatQuadVectorEnv(n, name)
     envs.reset(options={"state": flight.state, "hoops_passed": flight.hoops_passed})
@@ -65,14 +65,14 @@ def test_from_everywhere_on_the_demonstrated_flight_the_rest_of_it_reaches_the_g
     assert set(ended) == {"goal"}
 
 
-@pytest.mark.parametrize("done", [0.0, 0.2, TIGHT, 1.0])
+@pytest.mark.parametrize("done", [0.0, 0.2, TOLERANCE_SHARE, 1.0])
 def test_demonstrated_starts_go_back_from_the_goal(done):
     course = Curriculum(DEMONSTRATED)
     flight, pool = course.flight, course.starts(done)
     rows = {tuple(state): i for i, state in enumerate(flight.state)}
     other = (pool.state != course.pool.state).any(axis=1)
     on_it = [rows[tuple(state)] for state in pool.state[other]]
-    n, back = len(flight.state), CLOSE + (1 - CLOSE) * min(1.0, done / TIGHT)
+    n, back = len(flight.state), NEAREST_SHARE + (1 - NEAREST_SHARE) * min(1.0, done / TOLERANCE_SHARE)
     assert len(on_it) / len(pool.state) == pytest.approx(0.5, abs=0.02)
     assert max(on_it) == n - 1
     assert min(on_it) == pytest.approx(n * (1 - back), abs=1.5)
@@ -81,18 +81,18 @@ def test_demonstrated_starts_go_back_from_the_goal(done):
 
 def test_an_unknown_scenario_is_demonstrated_by_the_solver():
     near = Scenario("near", (0.0, 0.0), (1.0, 0.0), hoops=(Hoop(0.5, 0.0, 1.0),))
-    flight = demonstrated_flight(near)
+    flight = expert_flight(near)
     np.testing.assert_array_equal(flight.state[0], near.start_state)
     assert set(flight.hoops_passed) == {0, 1}
 
 
-@pytest.mark.parametrize("kind", [Fleet, CompiledFleet])
-def test_a_fleet_draws_from_the_pool_it_was_filled_with(kind):
+@pytest.mark.parametrize("kind", [NumpyFleet, CompiledFleet])
+def test_a_fleet_samples_starts_from_a_replaced_pool(kind):
     problem = scenario("hoop")
     first = Starts(np.tile(problem.start_state, (3, 1)), np.zeros(3), 1.0)
     second = Starts(first.state + np.array([0.0, 1.0, 2.0, 0.0, 0.1]), np.ones(3), 1.0)
     fleet = kind(EnvConfig(problem, starts=first), 4)
-    fill(fleet, second)
+    fleet.set_starts(second)
     _, record = fleet.reset(np.ones(4, dtype=bool))
     np.testing.assert_allclose(record.numbers[0:5].T, np.tile(second.state[0], (4, 1)))
     np.testing.assert_array_equal(record.counts[1], 1)
@@ -104,7 +104,7 @@ def test_environments_become_what_the_curriculum_says():
     envs.reset()
     course.apply(envs, 0.2)
     (fleet,) = set(envs.get_attr("fleet"))
-    assert fleet.course.tolerance == course.tolerance(0.2)
+    assert fleet.config.tolerance == course.tolerance(0.2)
     assert fleet.share == course.share(0.2)
-    np.testing.assert_array_equal(fleet.course.starts.state, course.starts(0.2).state)
+    np.testing.assert_array_equal(fleet.config.starts.state, course.starts(0.2).state)
     assert curriculum(DEMONSTRATED) is course

@@ -17,9 +17,9 @@ REST = np.zeros((3, 5))
 def test_a_course_tells_what_its_problem_tells():
     vehicle, tolerance = Quadrotor(rate_max=5.0), Tolerance(0.2)
     for problem in (HOOP, HOOPS):
-        course = EnvConfig(replace(problem, quadrotor=vehicle, tolerance=tolerance, dt=0.01))
-        assert (course.quadrotor, course.tolerance, course.dt) == (vehicle, tolerance, 0.01)
-        assert course.last_step == course.problem.max_steps == 500
+        config = EnvConfig(replace(problem, quadrotor=vehicle, tolerance=tolerance, dt=0.01))
+        assert (config.quadrotor, config.tolerance, config.dt) == (vehicle, tolerance, 0.01)
+        assert config.last_step == config.problem.max_steps == 500
     assert (EnvConfig(HOOP).hoops_most, EnvConfig(HOOPS).hoops_most) == (1, 3)
     assert (EnvConfig(HOOP).shaped, EnvConfig(HOOP, "sparse").shaped) == (True, False)
 

@@ -97,7 +97,7 @@ def test_steps_before_reset_and_after_the_end_say_so():
         env.step(np.zeros(2))
     env.reset(options={"state": [5, 5, 0, 0, 0], "hoops_passed": 1})
     env.step(env.scenario.quadrotor.action([9.81, 0.0]))
-    with pytest.raises(gym.error.ResetNeeded, match=r"the flight has ended \('goal'\)"):
+    with pytest.raises(gym.error.ResetNeeded, match=r"the episode has ended \('goal'\)"):
         env.step(np.zeros(2))
 
 

@@ -10,8 +10,8 @@ import pytest
 from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS, Disturbances, Hoop, Quadrotor, Scenario, Tolerance
 from flatgym.envs.compiled_fleet import CompiledFleet
 from flatgym.envs.config import EnvConfig, Starts
-from flatgym.envs.env import fleet_of
-from flatgym.envs.fleet import END, HOOPS_PASSED, OUTCOME, Fleet
+from flatgym.envs.fleet import END, HOOPS_PASSED, OUTCOME, make_fleet
+from flatgym.envs.numpy_fleet import NumpyFleet
 from flatgym.scenarios.catalogue import problem
 
 N = 60
@@ -34,9 +34,9 @@ def pool(scenario, size=500, speed=6.0):
     return Starts(state, passed, share=0.9)
 
 
-def lockstep(course, steps, same_step=True, seed=3):
+def lockstep(config, steps, same_step=True, seed=3):
     """Fly both fleets side by side; return how often each outcome was met, and the hoops passed."""
-    fleets = [kind(course, N, same_step) for kind in (Fleet, CompiledFleet)]
+    fleets = [kind(config, N, same_step) for kind in (NumpyFleet, CompiledFleet)]
     for fleet in fleets:
         fleet.reseed(ALL, np.arange(N, dtype=np.uint64) + np.uint64(seed))
     begun = [fleet.reset(ALL) for fleet in fleets]
@@ -73,13 +73,13 @@ def agree(plain, fast):
 @pytest.mark.parametrize("name", [*SCENARIOS, *DISTRIBUTIONS])
 def test_both_fleets_fly_alike(name):
     easy = replace(problem(name), tolerance=Tolerance(0.45, 3.0, 0.8))
-    course = EnvConfig(easy, starts=pool(easy) if name in SCENARIOS else None)
-    met, passed = lockstep(course, 150)
+    config = EnvConfig(easy, starts=pool(easy) if name in SCENARIOS else None)
+    met, passed = lockstep(config, 150)
     assert sum(met.values()) > 50
     assert name in DISTRIBUTIONS or met["goal"] > 10
     assert name not in SCENARIOS or bool(passed) == bool(SCENARIOS[name].hoops)
-    lockstep(replace(course, reward="sparse", observation="state"), 60, same_step=False)
-    lockstep(replace(course, disturbances=EVERYTHING), 60, same_step=False)
+    lockstep(replace(config, reward="sparse", observation="state"), 60, same_step=False)
+    lockstep(replace(config, disturbances=EVERYTHING), 60, same_step=False)
 
 
 def test_every_outcome_is_met_by_both_alike():
@@ -114,8 +114,8 @@ def test_long_steps_cross_several_hoops_and_turn_far():
 
 def test_tolerance_and_share_may_change_on_the_way():
     scenario, eased = SCENARIOS["diagonal"], Tolerance(3.0, 30.0, 3.0)
-    course = EnvConfig(scenario, starts=pool(scenario))
-    fleets = [kind(course, N) for kind in (Fleet, CompiledFleet)]
+    config = EnvConfig(scenario, starts=pool(scenario))
+    fleets = [kind(config, N) for kind in (NumpyFleet, CompiledFleet)]
     flown = []
     for fleet in fleets:
         fleet.reseed(ALL, np.arange(N, dtype=np.uint64))
@@ -127,13 +127,13 @@ def test_tolerance_and_share_may_change_on_the_way():
             flown.append(fly(fleet, np.zeros((N, 2))))
     for plain, fast in zip(flown[:40], flown[40:], strict=True):
         agree(plain, fast)
-    assert {fleet.course.tolerance for fleet in fleets} == {eased}
+    assert {fleet.config.tolerance for fleet in fleets} == {eased}
     goals = np.array([np.sum(step.record.numbers[OUTCOME] == OUTCOMES.index("goal")) for step in flown[:40]])
     assert goals[20] > goals[19]
 
 
 def test_given_starts_replace_drawn_ones():
-    for kind in (Fleet, CompiledFleet):
+    for kind in (NumpyFleet, CompiledFleet):
         fleet, mask = kind(EnvConfig(SCENARIOS["slalom"]), N), np.arange(N) % 2 == 0
         fleet.reset(ALL)
         states = np.random.default_rng(0).normal(size=(N, 5))
@@ -144,7 +144,7 @@ def test_given_starts_replace_drawn_ones():
 
 
 def test_without_numba_numpy_flies():
-    assert isinstance(fleet_of(EnvConfig(SCENARIOS["hoop"]), 2), CompiledFleet)
+    assert isinstance(make_fleet(EnvConfig(SCENARIOS["hoop"]), 2), CompiledFleet)
     code = (
         "import sys; sys.modules['numba'] = None\n"
         "import gymnasium as gym, flatgym, numpy as np\n"
@@ -152,10 +152,10 @@ def test_without_numba_numpy_flies():
         "print(type(env.unwrapped.fleet).__name__)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "Fleet"
+    assert done.stdout.strip() == "NumpyFleet"
 
 
-@pytest.mark.parametrize("kind", [Fleet, CompiledFleet])
+@pytest.mark.parametrize("kind", [NumpyFleet, CompiledFleet])
 @pytest.mark.parametrize("dt", [0.02, 0.05, 0.1])
 def test_a_line_reached_just_at_the_end_of_a_step_is_crossed_once(kind, dt):
     # At constant speed, many flights come to the line in a whole number of steps, but for rounding.

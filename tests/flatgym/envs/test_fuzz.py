@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 
 from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS, Distribution, Disturbances, Hoop, Quadrotor, Scenario, Tolerance
 from flatgym.envs.config import Starts
-from flatgym.envs.env import FlatQuadEnv, fleet_of
-from flatgym.envs.fleet import Fleet
+from flatgym.envs.env import FlatQuadEnv
+from flatgym.envs.fleet import make_fleet
+from flatgym.envs.numpy_fleet import NumpyFleet
 from flatgym.envs.vector import FlatQuadVectorEnv
 from flatgym.kernels import step
 
@@ -137,7 +138,7 @@ def fly(env, actions, **reset):
 
 @fuzz(250)
 @given(
-    st.sampled_from([fleet_of] * 9 + [Fleet]),
+    st.sampled_from([make_fleet] * 9 + [NumpyFleet]),
     st.one_of(scenarios(), scenarios(), distributions()),
     disturbances,
     st.sampled_from(["sparse", "shaped"]),
@@ -148,7 +149,7 @@ def fly(env, actions, **reset):
 def test_any_scenario_flies_to_one_outcome(kind, problem, disturbed, reward, observation, start, actions):
     if isinstance(problem, Scenario):
         assert Scenario.from_json(problem.to_json()) == problem
-    with patch("flatgym.envs.env.fleet_of", kind):
+    with patch("flatgym.envs.env.make_fleet", kind):
         env = FlatQuadEnv(problem, reward, observation, **disturbed)
     for episode in range(2):
         total, info = fly(env, actions, seed=None if episode else 7, options=start)
@@ -237,7 +238,7 @@ class Tally:
         np.testing.assert_array_equal(words == "time-limit", truncated[ended])
         np.testing.assert_array_equal(final["is_success"][ended], words == "goal")
         self.met += [int(np.sum(words == word)) for word in OUTCOMES]
-        if self.envs.course.reward == "sparse":
+        if self.envs.config.reward == "sparse":
             paid = np.where(words == "goal", final["time"][ended], self.limit)
             np.testing.assert_allclose(-self.total[ended], paid, rtol=1e-9)
 

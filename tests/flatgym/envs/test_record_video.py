@@ -45,7 +45,7 @@ def test_an_episode_is_filmed_frame_by_frame(tmp_path):
             *_, info = env.step(action)
         assert info["outcome"] == "goal"
     env.close()
-    (film,) = (tmp_path / "films").glob("*.gif")
-    frames = imageio.imread(film)
+    (recorder,) = (tmp_path / "films").glob("*.gif")
+    frames = imageio.imread(recorder)
     assert frames.shape[:3] == (len(actions) + 1, 720, 960)
     assert np.any(frames[0] != frames[-1])

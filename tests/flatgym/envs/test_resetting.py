@@ -81,7 +81,7 @@ def test_a_masked_reset_begins_the_next_episode_of_the_masked_only():
         env.reset(seed=5 + i)
         np.testing.assert_array_equal(second[i], env.reset()[0])
     fresh = FlatQuadVectorEnv(N, "random-goal", autoreset_mode="Disabled")
-    with pytest.raises(gym.error.ResetNeeded, match=r"first reset.*must start all flights"):
+    with pytest.raises(gym.error.ResetNeeded, match=r"first reset.*must start all episodes"):
         fresh.reset(options={"reset_mask": mask})
 
 

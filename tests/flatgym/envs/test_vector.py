@@ -174,7 +174,7 @@ def test_misuse_is_named():
     with pytest.raises(ValueError, match=r"shape \(6, 2\), got \(2,\)"):
         envs.step(np.zeros(2))
     envs.step(np.zeros((N, 2)))
-    with pytest.raises(gym.error.ResetNeeded, match=r"flights \[0, 1, 2, 3, 4\] have ended"):
+    with pytest.raises(gym.error.ResetNeeded, match=r"vehicles \[0, 1, 2, 3, 4\] have ended"):
         envs.step(np.zeros((N, 2)))
     with pytest.raises(ValueError, match="reset_mask"):
         envs.reset(options={"reset_mask": [1, 0]})

@@ -20,29 +20,29 @@ def infos(scenario, actions):
     """Return the infos of an episode from reset on."""
     return [
         {
-            "state": situation.state[0],
-            "hoops_passed": int(situation.hoops_passed[0]),
-            "outcome": OUTCOMES[situation.outcome[0]],
+            "state": episode.state[0],
+            "hoops_passed": int(episode.hoops_passed[0]),
+            "outcome": OUTCOMES[episode.outcome[0]],
         }
-        for situation in fly_actions(scenario, actions)
+        for episode in fly_actions(scenario, actions)
     ]
 
 
-def filmed(film, scenario, actions):
+def recorded(recorder, scenario, actions):
     """Return the picture after the actions."""
     first, *others = infos(scenario, actions)
-    film.begin(scenario, first)
+    recorder.start(scenario, first)
     for action, info in zip(actions, others, strict=True):
-        film.add(action, info)
-    return film.draw()
+        recorder.add(float(scenario.quadrotor.control(np.clip(action, -1.0, 1.0))[0]), info)
+    return recorder.draw()
 
 
 @pytest.mark.parametrize("ghost", [False, True])
 def test_an_episode_is_drawn_as_from_the_outside(ghost):
     actions = reference("hoop").actions
-    film = EpisodeRecorder(HOOP, "rgb_array", ghost=ghost, size=SIZE)
-    filmed(film, HOOP, actions[:9])
-    pixels = filmed(film, HOOP, actions)
+    recorder = EpisodeRecorder(HOOP, "rgb_array", ghost=ghost, size=SIZE)
+    recorded(recorder, HOOP, actions[:9])
+    pixels = recorded(recorder, HOOP, actions)
     renderer = Renderer(HOOP, size=SIZE, k_star=70, ghost=ghost_states("hoop") if ghost else None)
     assert np.array_equal(pixels, renderer.draw(ghost_states("hoop"), HOOP.quadrotor.control(actions)[:, 0], 1, "goal"))
 
@@ -51,49 +51,49 @@ def test_a_ghost_can_be_any_flight():
     actions = reference("hoop").actions[:20]
     slow = np.repeat(ghost_states("hoop"), 2, axis=0)
     pictures = [
-        filmed(EpisodeRecorder(HOOP, "rgb_array", ghost=g, size=SIZE), HOOP, actions) for g in (False, True, slow)
+        recorded(EpisodeRecorder(HOOP, "rgb_array", ghost=g, size=SIZE), HOOP, actions) for g in (False, True, slow)
     ]
     assert (pictures[0] != pictures[1]).any()
     assert (pictures[1] != pictures[2]).any()
 
 
 def test_clipped_actions_are_drawn_as_they_are_flown():
-    film = EpisodeRecorder(HOOP, "rgb_array", size=SIZE)
-    most = filmed(film, HOOP, np.array([[1.0, 0.0]] * 5))
-    film.begin(HOOP, infos(HOOP, [])[0])
+    recorder = EpisodeRecorder(HOOP, "rgb_array", size=SIZE)
+    most = recorded(recorder, HOOP, np.array([[1.0, 0.0]] * 5))
+    recorder.start(HOOP, infos(HOOP, [])[0])
     for info in infos(HOOP, np.array([[1.0, 0.0]] * 5))[1:]:
-        film.add([7.0, 0.0], info)
-    assert np.array_equal(film.draw(), most)
+        recorder.add([7.0, 0.0], info)
+    assert np.array_equal(recorder.draw(), most)
 
 
 def test_scenarios_of_a_distribution_are_drawn_one_after_the_other():
-    distribution, film = (
+    distribution, recorder = (
         DISTRIBUTIONS["random-goal"],
         EpisodeRecorder(DISTRIBUTIONS["random-goal"], "rgb_array", size=SIZE),
     )
-    pictures = [filmed(film, distribution.scenario(1, episode), np.zeros((3, 2))) for episode in (0, 1, 0)]
+    pictures = [recorded(recorder, distribution.scenario(1, episode), np.zeros((3, 2))) for episode in (0, 1, 0)]
     assert (pictures[0] != pictures[1]).any()
     assert np.array_equal(pictures[0], pictures[2])
 
 
 def test_k_star_is_told_of_comparable_flights_only():
-    film = EpisodeRecorder(HOOP, "rgb_array", size=SIZE)
+    recorder = EpisodeRecorder(HOOP, "rgb_array", size=SIZE)
     information = infos(HOOP, [])[0]
-    told = filmed(film, HOOP, [])
-    disturbed = filmed(EpisodeRecorder(HOOP, "rgb_array", scored=False, size=SIZE), HOOP, [])
-    film.begin(HOOP, information | {"state": HOOP.start_state + 1e-9 * np.eye(5)[2]})
-    assert np.array_equal(film.draw(), disturbed)
+    told = recorded(recorder, HOOP, [])
+    disturbed = recorded(EpisodeRecorder(HOOP, "rgb_array", scored=False, size=SIZE), HOOP, [])
+    recorder.start(HOOP, information | {"state": HOOP.start_state + 1e-9 * np.eye(5)[2]})
+    assert np.array_equal(recorder.draw(), disturbed)
     assert (told != disturbed).any()
-    film.begin(HOOP, information | {"hoops_passed": 1})
-    ahead = film.draw()
+    recorder.start(HOOP, information | {"hoops_passed": 1})
+    ahead = recorder.draw()
     assert np.array_equal(ahead[:26, -60:], disturbed[:26, -60:])
 
 
 def test_without_a_mode_nothing_is_remembered():
-    film = EpisodeRecorder(HOOP, None)
-    assert filmed(film, HOOP, reference("hoop").actions[:3]) is None
-    assert vars(film)["_states"] == []
-    film.close()
+    recorder = EpisodeRecorder(HOOP, None)
+    assert recorded(recorder, HOOP, reference("hoop").actions[:3]) is None
+    assert vars(recorder)["_states"] == []
+    recorder.close()
 
 
 def test_a_window_shows_each_step(monkeypatch):
@@ -102,12 +102,12 @@ def test_a_window_shows_each_step(monkeypatch):
 
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     pygame.display.quit()
-    film = EpisodeRecorder(HOOP, "human", ghost=True, size=SIZE)
+    recorder = EpisodeRecorder(HOOP, "human", ghost=True, size=SIZE)
     begin = pygame.time.get_ticks()
-    assert filmed(film, HOOP, reference("hoop").actions[:10]) is None
+    assert recorded(recorder, HOOP, reference("hoop").actions[:10]) is None
     assert pygame.time.get_ticks() - begin >= 9 * 20
-    film.close()
-    film.close()
+    recorder.close()
+    recorder.close()
     pygame.display.quit()
 
 

@@ -35,7 +35,7 @@ def flight(name, steps=None):
 
 @cache
 def hoops_passed(name):
-    return [int(situation.hoops_passed[0]) for situation in fly_actions(SCENARIOS[name], reference(name).actions)]
+    return [int(episode.hoops_passed[0]) for episode in fly_actions(SCENARIOS[name], reference(name).actions)]
 
 
 def drawn(name, steps=None, *, size=SIZE, outcome="flying", **options):

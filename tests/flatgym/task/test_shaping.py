@@ -6,7 +6,7 @@ import numpy as np
 
 from flatgym import SCENARIOS, Scenario, task
 from flatgym.task.scene import Scene
-from flatgym.task.shaping import potential, rest_time, way_through_hoops
+from flatgym.task.shaping import potential, remaining_path_length, rest_time
 from optimal.flights.projection_bound import projection_bound
 
 
@@ -37,20 +37,20 @@ def test_from_rest_it_is_the_projection_bound():
 
 def test_no_flight_gains_more_time_than_it_takes(generator):
     scene = Scene.of([replace(SCENARIOS["horizontal-6"], time_limit=10.0)] * 300)
-    situation = replace(task.initial(scene), state=generator.normal(0, [3, 3, 4, 4, 2], (300, 5)))
+    episode = replace(task.initial(scene), state=generator.normal(0, [3, 3, 4, 4, 2], (300, 5)))
     for _ in range(50):
         control = generator.uniform(scene.quadrotor.control_low, scene.quadrotor.control_high, (300, 2))
-        after = task.advance(scene, situation, control)
-        flying = ~after.terminated & ~situation.terminated
-        gain = (potential(scene, after) - potential(scene, situation))[flying]
+        after = task.advance(scene, episode, control)
+        flying = ~after.terminated & ~episode.terminated
+        gain = (potential(scene, after) - potential(scene, episode))[flying]
         assert np.all(gain <= scene.dt + 1e-9)
-        situation = after
+        episode = after
 
 
 def test_hoops_ahead_lengthen_the_way():
     scene = Scene.of([SCENARIOS["slalom"]] * 4)
-    situation = replace(task.initial(scene), hoops_passed=np.arange(4))
-    way = way_through_hoops(scene, situation)
+    episode = replace(task.initial(scene), hoops_passed=np.arange(4))
+    way = remaining_path_length(scene, episode)
     assert np.all(np.diff(way) < 0)
     assert way[3] == 9.0
     legs = np.array([[0, 0], [2.5, 1.5], [5, -1.5], [7.5, 1.5], [9, 0]])

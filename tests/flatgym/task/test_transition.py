@@ -11,7 +11,7 @@ from flatgym.task import shaping
 from flatgym.task.scene import FLYING, EpisodeState, Scene
 
 
-def situation(scene, state, passed=0, steps=0):
+def episode(scene, state, passed=0, steps=0):
     n = len(scene)
     return EpisodeState(
         state=np.tile(np.asarray(state, dtype=float), (n, 1)),
@@ -23,7 +23,7 @@ def situation(scene, state, passed=0, steps=0):
 
 def after_one_step(scenario, state, passed=0, steps=0, control=(9.81, 0.0)):
     scene = Scene.of([scenario])
-    return task.advance(scene, situation(scene, state, passed, steps), np.array([control]))
+    return task.advance(scene, episode(scene, state, passed, steps), np.array([control]))
 
 
 FREE = Scenario("free", (0, 0), (6, 0), hoops=(Hoop(1, 0, 0.5), Hoop(1.05, 0, 0.5)))

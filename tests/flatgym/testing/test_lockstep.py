@@ -10,7 +10,7 @@ from gymnasium.spaces import Box, Dict, Discrete, Tuple
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import flatgym
-from flatgym.envs.fleet import Fleet
+from flatgym.envs.numpy_fleet import NumpyFleet
 from flatgym.envs.vector import FlatQuadVectorEnv
 from flatgym.testing import check_vector_env
 
@@ -122,10 +122,10 @@ def test_max_episode_steps_truncates_as_the_wrapper_does_and_also_says_so(mode):
 
 @pytest.mark.parametrize("mode", [NEXT, SAME, OFF])
 def test_the_fleet_without_numba_passes(mode, monkeypatch):
-    monkeypatch.setattr("flatgym.envs.vector.fleet_of", Fleet)
+    monkeypatch.setattr("flatgym.envs.vector.make_fleet", NumpyFleet)
     scenario = replace(flatgym.scenario("ground-6"), time_limit=0.2)
     envs = FlatQuadVectorEnv(2, scenario=scenario, autoreset_mode=mode)
-    assert type(envs.fleet) is Fleet
+    assert type(envs.fleet) is NumpyFleet
     assert check_vector_env(envs, partial(gym.make, "FlatQuad-v0", scenario=scenario), steps=25) >= 4
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from flatgym import DISTRIBUTIONS, SCENARIOS, Hoop
-from flatgym.task.decoding import decode_observation
-from flatgym.task.observation import LENGTH_UNIT, SPEED_UNIT, observe
+from flatgym.task.observation import LENGTH_UNIT, SPEED_UNIT, decode_observation, observe
 from flatgym.task.scene import Scene
 from flatgym.task.transition import initial
 
@@ -36,14 +35,14 @@ def test_what_is_observed_is_read_back(name, generator):
     scene = Scene.of([scenario]).repeat(n)
     state = generator.normal(size=(n, 5)) * [8, 8, 10, 10, 4]
     passed = generator.integers(0, len(scenario.hoops) + 1, n)
-    situation = replace(initial(scene), state=state, hoops_passed=passed, steps=generator.integers(0, 250, n))
-    seen = decode_observation(observe(scene, situation))
+    episode = replace(initial(scene), state=state, hoops_passed=passed, steps=generator.integers(0, 250, n))
+    seen = decode_observation(observe(scene, episode))
     agree(seen.goal, scene.goal - state[:, 0:2])
     agree(seen.velocity, state[:, 2:4], SPEED_UNIT)
     agree(seen.floor, state[:, 1] - scene.floor)
     agree(seen.ceiling, scene.ceiling - state[:, 1])
     np.testing.assert_allclose(np.cos(seen.theta - state[:, 4]), 1, atol=1e-12)
-    np.testing.assert_allclose(seen.time * scenario.max_steps, situation.steps, atol=1e-4)
+    np.testing.assert_allclose(seen.time * scenario.max_steps, episode.steps, atol=1e-4)
     nothing = Hoop(0.0, 0.0, 1.0)
     for i in range(2):
         hoops = [scenario.hoops[p + i] if p + i < len(scenario.hoops) else nothing for p in passed]
