@@ -1,16 +1,17 @@
-"""What the costates say of a flight: is its Hamiltonian constant, do its controls follow the switching functions?
+"""Costates of a direct solution: is its Hamiltonian constant, and do its controls agree with the switching functions?
 
 With costates (r, q, p) of position, velocity and tilt, e = (sin theta, cos theta) and e' = (cos theta, -sin theta),
 
-    H = r . v + q . (f e - g e_z) + p omega,
+    H = r . v + q . (f e - g e_z) + p omega.
 
-a fastest flight has H = 1 all along and at every instant the controls that make H greatest: thrust_max where q . e > 0,
-thrust_min where q . e < 0, the rate at its limit by the sign of p, and where it is not, the tilt along q.
+A time-optimal flight has H = 1 throughout, and at every instant the controls that maximise H: thrust_max where
+q . e > 0, thrust_min where q . e < 0, and the rate at the limit given by the sign of p. Where the rate is at no limit,
+the tilt is along q.
 
-The multipliers of a direct solution are costates without further error: its step is the exact flow under held controls,
-so the multiplier of step k is the costate at the end of that step, and inside it q is linear in time and H constant.
-What H changes from step to step, and the signs missed, are therefore the price of holding the controls over a step, and
-vanish with it: controls that switch inside a step cost H the first order of its length.
+The multipliers of a direct solution are costates without further error. Its step is the exact flow under held
+controls, so the multiplier of step k is the costate at the end of that step. Within a step q is linear in time and H
+is constant. The change of H between steps, and the missed signs, measure the loss from holding controls over a step.
+Both vanish with the step length. A control that switches within a step changes H to first order in that length.
 """
 
 from __future__ import annotations
@@ -26,26 +27,26 @@ from flatgym.scenarios.scenario import Scenario
 from optimal.direct.shooting import ShootingSolution
 
 AT_BOUND = 5e-3
-"""A control this near to its bound, relative to the width of its range, is at it: an interior point
-method only comes near a bound whose multiplier is small, as at the ends of singular arcs."""
-SIGN = 1e-8
-"""A switching function this near to zero has no sign [s and s^2/m]."""
+"""Distance from a bound, relative to the width of the range, at which a control counts as being at the bound. An
+interior-point method stays away from a bound whose multiplier is small, for example at the ends of singular arcs."""
+SIGN_TOLERANCE = 1e-8
+"""Magnitude of a switching function below which its sign is not checked [s and s^2/m]."""
 POINTS = 8
-"""Instants of a step at which signs and angles are looked at."""
+"""Instants of a step at which signs and angles are evaluated."""
 
 Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class CostateReport:
-    """How well a direct solution keeps Pontryagin's conditions; inf (agreement: 0) where it did not converge.
+    """How well a direct solution satisfies Pontryagin's conditions; inf (agreement: 0) if it did not converge.
 
     Attributes:
-        hamiltonian_drift: greatest less least Hamiltonian over the steps, divided by the mean.
-        switching_agreement: share of the time at which thrust stands at the bound that the sign of q . e
-            asks for, and the rate, where it stands at a bound, at the one that the sign of p asks for.
-        singular_residual: angle from the tilt to q, modulo pi, averaged over each step, root of the mean square over
-            the steps whose rate stands at no bound, nor do their neighbours' [rad]; 0 where there is none.
+        hamiltonian_drift: range of the Hamiltonian over the steps, divided by its mean.
+        switching_agreement: share of the flight time at which thrust is at the bound given by the sign of q . e and
+            the rate, if at a bound, is at the one given by the sign of p.
+        singular_residual: angle from the tilt to q, modulo pi, averaged over each step; root mean square over the
+            steps whose rate and whose neighbours' rates are at no bound [rad]; 0 without such steps.
     """
 
     hamiltonian_drift: float = math.inf
@@ -59,27 +60,27 @@ def hamiltonian(state: Array, control: Array, costate: Array, quadrotor: Quadrot
 
 
 def inner_rates(control: Array, quadrotor: Quadrotor) -> Flags:
-    """Return where the rate of controls (..., 2) stands at neither limit, shape (...)."""
+    """Return where the rate of controls (..., 2) is at neither limit, shape (...)."""
     return np.abs(control[..., 1]) < quadrotor.rate_max * (1 - 2 * AT_BOUND)
 
 
 def switching_functions(state: Array, costate: Array) -> tuple[Array, Array]:
-    """Return q . e and q . e', the sensitivities of H to thrust and, per thrust, to tilt [s^2/m], shape (...)."""
+    """Return q . e and q . e', the sensitivities of H to thrust and, per thrust, to tilt [s^2/m], shape (...) each."""
     sin, cos = np.sin(state[..., 4]), np.cos(state[..., 4])
     q_x, q_z = costate[..., 2], costate[..., 3]
     return q_x * sin + q_z * cos, q_x * cos - q_z * sin
 
 
 def signs_agree(state: Array, control: Array, costate: Array, quadrotor: Quadrotor) -> Flags:
-    """Return where thrust, and the rate unless it is an inner one, stand where H is greatest, shape (...).
+    """Return where thrust, and the rate if it is at a limit, maximise H, shape (...).
 
-    A thrust between its bounds never does: it has no singular arcs.
+    A thrust between its bounds never agrees, because thrust has no singular arcs.
     """
     slack = AT_BOUND * (quadrotor.thrust_max - quadrotor.thrust_min)
     thrust, lift, p = control[..., 0], switching_functions(state, costate)[0], costate[..., 4]
-    above = (thrust >= quadrotor.thrust_max - slack) & (lift >= -SIGN)
-    below = (thrust <= quadrotor.thrust_min + slack) & (lift <= SIGN)
-    turning = inner_rates(control, quadrotor) | (np.sign(control[..., 1]) * p >= -SIGN)
+    above = (thrust >= quadrotor.thrust_max - slack) & (lift >= -SIGN_TOLERANCE)
+    below = (thrust <= quadrotor.thrust_min + slack) & (lift <= SIGN_TOLERANCE)
+    turning = inner_rates(control, quadrotor) | (np.sign(control[..., 1]) * p >= -SIGN_TOLERANCE)
     return (above | below) & turning
 
 
@@ -90,21 +91,21 @@ def misalignment(state: Array, costate: Array) -> Array:
 
 
 def report(shot: ShootingSolution, scenario: Scenario) -> CostateReport:
-    """Hold a direct solution against Pontryagin's conditions, by its multipliers.
+    """Evaluate Pontryagin's conditions on a direct solution, from its multipliers.
 
-    Hoops, floors and ceilings only make the costates of position and velocity jump between steps, so
-    that the same three conditions stand with them.
+    Hoops, floor and ceiling make the costates of position and velocity jump between steps only. The same three
+    conditions therefore apply to scenarios with them.
 
     Args:
-        shot: what `optimal.direct.shooting.solve_winding` returned for the scenario.
-        scenario: what was to be flown.
+        shot: the result of `optimal.direct.shooting.solve_winding` for the scenario.
+        scenario: the task.
 
     Raises:
-        ValueError: when there is not one multiplier (5,) for each step.
+        ValueError: unless there is one multiplier (5,) for each step.
     """
     flight, quadrotor = shot.trajectory, scenario.quadrotor
     if shot.costates.shape != (len(flight.controls), 5):
-        raise ValueError(f"needs costates of shape ({len(flight.controls)}, 5), got {shot.costates.shape}")
+        raise ValueError(f"the report needs costates of shape ({len(flight.controls)}, 5), got {shot.costates.shape}")
     if not shot.converged:
         return CostateReport()
     steps = hamiltonian(flight.states[1:], flight.controls, shot.costates, quadrotor)
@@ -114,9 +115,9 @@ def report(shot: ShootingSolution, scenario: Scenario) -> CostateReport:
     costate = inner_costates(state, control, shot.costates[:, None], steps[:, None], h * (1 - share), quadrotor)
     time = np.broadcast_to(h / POINTS, control.shape[:-1])
     inner = inner_rates(flight.controls, quadrotor)
-    # The first and last step of a singular arc are partly of its neighbours, as is a lone step between two limits.
+    # The first and last step of a singular arc, and a single step between two limits, contain a switch.
     inner[1:-1] &= inner[:-2] & inner[2:]
-    # The tilt zigzags about q there, a step to each side, and dies away; the mean over a step is q's.
+    # The tilt oscillates about q from step to step with decaying amplitude. Its mean over a step is along q.
     angle = misalignment(state, costate).mean(axis=1)[inner]
     return CostateReport(
         hamiltonian_drift=float(np.ptp(steps) / abs(steps.mean())),
@@ -126,12 +127,12 @@ def report(shot: ShootingSolution, scenario: Scenario) -> CostateReport:
 
 
 def inner_costates(state: Array, control: Array, last: Array, steps: Array, left: Array, quadrotor: Quadrotor) -> Array:
-    """Return the costates inside steps, shape (N, POINTS, 5), that of tilt zero where the rate is.
+    """Return the costates inside steps, shape (N, POINTS, 5). The costate of the tilt is set to zero where the rate is.
 
     Args:
-        state, control: inside the steps, shapes (N, POINTS, 5) and (N, POINTS, 2).
+        state, control: states and controls inside the steps, shapes (N, POINTS, 5) and (N, POINTS, 2).
         last: costates at the ends of the steps, shape (N, 1, 5).
-        steps: the Hamiltonian of each step, which p omega makes up to, shape (N, 1).
+        steps: the Hamiltonian of each step, which determines p omega, shape (N, 1).
         left: time to the ends of the steps [s], shape (N, POINTS).
     """
     costate = np.repeat(last, POINTS, axis=1)

@@ -1,4 +1,12 @@
-"""TODO optimal/indirect/extremal.py."""
+"""Extremals in closed form: bang and singular arcs, and the flight they form.
+
+A bang arc holds thrust and rate; its flow is `flatgym.Quadrotor.step`. On a singular arc the tilt follows the velocity
+costate q(t) = q0 + q1 t, theta = atan2(q_x, q_z), at thrust_max. The rate is then
+
+    omega = (q1_x q0_z - q1_z q0_x) / |q|^2,
+
+and position and velocity are elementary integrals (`singular_step`).
+"""
 
 from __future__ import annotations
 
@@ -16,12 +24,18 @@ from optimal.indirect.arcs import ArcControl
 from optimal.indirect.costates import hamiltonian, switching_functions
 
 POINTS = 8
-"""Instants between two breakpoints at which controls are held against the switching functions."""
+"""Instants between two breakpoints at which controls are compared with the switching functions."""
 
 
 @dataclass(frozen=True)
 class ControlArc:
-    """One arc: `start` and `end` [s], its `thrust` [m/s^2], and its rate, "max", "min" or "singular"."""
+    """One arc of an extremal.
+
+    Attributes:
+        start, end: times [s].
+        thrust: mass-normalised thrust [m/s^2].
+        rate: "max", "min" or "singular".
+    """
 
     start: float
     end: float
@@ -31,12 +45,12 @@ class ControlArc:
 
 @dataclass(frozen=True)
 class ExtremalFlight(Trajectory):
-    """A flight of bang and singular arcs, exact at every instant.
+    """A flight of bang and singular arcs, in closed form at every instant.
 
     Attributes:
-        breakpoints, states, quadrotor: as of a Trajectory; a breakpoint need not be a switch.
-        controls: thrust and rate from each breakpoint on, the rate NaN on singular arcs, shape (N, 2).
-        q0, q1: velocity costate at the start and its slope [s^2/m, s/m], shape (2,).
+        breakpoints, states, quadrotor: as in `Trajectory`; a breakpoint need not be a switch.
+        controls: thrust and rate from each breakpoint to the next, shape (N, 2); the rate is NaN on singular arcs.
+        q0, q1: velocity costate at the start and its slope [s^2/m, s/m], shape (2,) each.
     """
 
     q0: Array
@@ -68,9 +82,9 @@ class ExtremalFlight(Trajectory):
         return np.stack([control[..., 0], rate], axis=-1)
 
     def control_range(self) -> Array:
-        """Return bounds of [thrust, rate], least and greatest, shape (2, 2).
+        """Return least and greatest [thrust, rate], shape (2, 2).
 
-        The rate of a singular arc, c/|q|^2 with q linear in time, is greatest where |q| is least.
+        The rate of a singular arc is c/|q|^2 with q linear in time. It is greatest where |q| is least.
         """
         q = self.costate(self.breakpoints)[:, 2:4]
         begin, along = q[:-1], np.diff(q, axis=0)
@@ -83,7 +97,7 @@ class ExtremalFlight(Trajectory):
         return np.array([[thrust.min(), -rate], [thrust.max(), rate]])
 
     def costate(self, t: ArrayLike, p: ArrayLike = 0.0) -> Array:
-        """Return the costates of position, velocity and, as given, tilt at times t, shape (..., 5)."""
+        """Return the costates of position, velocity and tilt at times t, shape (..., 5); p is that of the tilt."""
         time, p = np.broadcast_arrays(np.asarray(t, dtype=np.float64), p)
         q = self.q0 + self.q1 * time[..., None]
         return np.concatenate([np.broadcast_to(-self.q1, q.shape), q, p[..., None]], axis=-1)
@@ -91,19 +105,19 @@ class ExtremalFlight(Trajectory):
 
 @dataclass(frozen=True)
 class Extremal:
-    """A flight that keeps Pontryagin's conditions, or how far the last attempt at one came.
+    """A flight that satisfies Pontryagin's conditions, or the state of the last attempt.
 
     Attributes:
-        winding: whole turns made.
-        message: what came out and what to do about it, a sentence.
-        time: from rest to rest [s]; inf unless converged.
-        converged: whether the equations are solved, no arc runs backwards, and controls and signs agree throughout.
-        q0, q1: velocity costate at the start and its slope, the position costate being -q1 [s^2/m, s/m], shape (2,).
+        winding: whole turns of the tilt.
+        message: the outcome and what to do about it, a sentence.
+        time: flight time from rest to rest [s]; inf unless converged.
+        converged: whether the equations are solved, no arc has negative duration, and all signs agree.
+        q0, q1: velocity costate at the start and its slope [s^2/m, s/m], shape (2,) each. The position costate is -q1.
         switches: the arcs in order of time.
-        residual: largest of all equations [m, m/s, rad; 1 for the switching conditions].
-        sign_agreement: share of the time over which all controls are those the switching functions ask for.
-        hamiltonian_drift: greatest less least H along the flight, where it should be one, with p integrated.
-        evaluations: of the equations, since the direct solution.
+        residual: largest residual of the equations [m, m/s, rad; dimensionless for the switching conditions].
+        sign_agreement: share of the flight time at which all controls agree with the switching functions.
+        hamiltonian_drift: range of H along the flight, with p integrated. H should be 1.
+        evaluations: evaluations of the equations, after the direct solution.
         trajectory: the flight; None unless converged.
     """
 
@@ -122,11 +136,17 @@ class Extremal:
 
 
 def singular_step(state: Any, thrust: Any, q: Any, q1: Any, h: Any, gravity: Any, ops: Any = np) -> tuple[Any, ...]:
-    """Return the five components of the state after h seconds in which the tilt follows q + q1 t.
+    """Return the five components of the state after h seconds on a singular arc, where the tilt follows q + q1 t.
 
-    Measured along q1 and across it, q / |q| = (sinh w, 1) / cosh w with sinh w = q . q1 / |q x q1|, and
-    dt = tau cosh w dw: in w all integrals are elementary. `state`, `q` and `q1` are sequences of
-    components, arrays or symbols; `ops` is numpy or casadi.
+    In the directions along and across q1, q / |q| = (sinh w, 1) / cosh w with sinh w = q . q1 / |q x q1|, and
+    dt = tau cosh w dw. In terms of w all integrals are elementary.
+
+    Args:
+        state, q, q1: sequences of components, which are arrays or symbols.
+        thrust: mass-normalised thrust [m/s^2].
+        h: duration [s].
+        gravity: gravitational acceleration [m/s^2].
+        ops: numpy or casadi.
     """
     x, z, vx, vz, theta = state
     cross, size, norm = q1[0] * q[1] - q1[1] * q[0], q1[0] ** 2 + q1[1] ** 2, ops.sqrt(q1[0] ** 2 + q1[1] ** 2)
@@ -148,10 +168,10 @@ def singular_step(state: Any, thrust: Any, q: Any, q1: Any, h: Any, gravity: Any
     )
 
 
-def along(flight: ExtremalFlight) -> tuple[Array, Array, Array, Array]:
-    """Return the middles of POINTS parts of each piece: widths [s], states, controls, and costates (n, 5).
+def costate_samples(flight: ExtremalFlight) -> tuple[Array, Array, Array, Array]:
+    """Return durations [s], states, controls and costates (n, 5) at the middles of POINTS parts of each piece.
 
-    p begins as H = 1 has it and is integrated from there by Gauss-Legendre quadrature.
+    H = 1 gives p at the start. From there p is integrated by Gauss-Legendre quadrature.
     """
     time = fine_grid(flight.breakpoints, np.full(len(flight.breakpoints) - 1, 2 * POINTS))
     nodes, weights = np.polynomial.legendre.leggauss(3)
@@ -164,8 +184,8 @@ def along(flight: ExtremalFlight) -> tuple[Array, Array, Array, Array]:
     return np.diff(time[::2]), flight.state(middle), flight.control(middle), flight.costate(middle, p[1::2])
 
 
-def control_arcs(modes: tuple[ArcControl, ...], durations: Array) -> tuple[ControlArc, ...]:
-    """Return the arcs with their times and names."""
+def control_arcs(structure: tuple[ArcControl, ...], durations: Array) -> tuple[ControlArc, ...]:
+    """Return the arcs of a structure with their times [s] and the names of their rates."""
     ends = np.append(0.0, np.cumsum(durations)).tolist()
-    names = ["singular" if rate is None else "max" if rate > 0 else "min" for _, rate in modes]
-    return tuple(map(ControlArc, ends[:-1], ends[1:], [thrust for thrust, _ in modes], names))
+    names = ["singular" if rate is None else "max" if rate > 0 else "min" for _, rate in structure]
+    return tuple(map(ControlArc, ends[:-1], ends[1:], [thrust for thrust, _ in structure], names))

@@ -9,7 +9,7 @@ import pytest
 
 from flatgym import SCENARIOS, Quadrotor
 from optimal.direct.shooting import solve_winding
-from optimal.indirect.arcs import arcs_of, sequence
+from optimal.indirect.arcs import arcs_of, merged_arcs
 from optimal.indirect.costates import CostateReport, hamiltonian, misalignment, report, signs_agree
 from optimal.indirect.pontryagin import pontryagin
 
@@ -83,17 +83,17 @@ def test_signs_and_angles_are_those_of_the_hamiltonian(generator, quadrotor):
 
 
 def test_arcs_read_off_the_steps_are_nearly_those_that_solve_the_conditions():
-    modes, guess = arcs_of(shot("horizontal-6"))
+    structure, guess = arcs_of(shot("horizontal-6"))
     extremal = pontryagin(SCENARIOS["horizontal-6"])
-    assert modes == ((20.0, 10.0), (20.0, None), (20.0, -10.0), (20.0, None), (20.0, 10.0))
+    assert structure == ((20.0, 10.0), (20.0, None), (20.0, -10.0), (20.0, None), (20.0, 10.0))
     np.testing.assert_allclose(guess[:5], [arc.end - arc.start for arc in extremal.switches], atol=0.03)
     np.testing.assert_allclose(guess[5:], [*extremal.q0, *extremal.q1], atol=1e-3)
 
 
 def test_pieces_join_to_arcs_that_change_one_control_at_a_time():
     pieces = [((20.0, 10.0), 0.1), ((20.0, 10.0), 0.2), ((20.0, None), 0.4), ((1.0, -10.0), 0.8)]
-    modes, durations = sequence(pieces)
-    assert modes == ((20.0, 10.0), (20.0, None), (20.0, -10.0), (1.0, -10.0))
+    structure, durations = merged_arcs(pieces)
+    assert structure == ((20.0, 10.0), (20.0, None), (20.0, -10.0), (1.0, -10.0))
     assert durations == pytest.approx([0.3, 0.4, 0.1, 0.8])
-    modes, durations = sequence([((1.0, 10.0), 0.4), ((20.0, None), 0.8)])
-    assert modes == ((1.0, 10.0), (20.0, 10.0), (20.0, None))
+    structure, durations = merged_arcs([((1.0, 10.0), 0.4), ((20.0, None), 0.8)])
+    assert structure == ((1.0, 10.0), (20.0, 10.0), (20.0, None))

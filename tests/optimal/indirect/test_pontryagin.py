@@ -16,7 +16,7 @@ from optimal.indirect.extremal import ControlArc, singular_step
 from optimal.indirect.pontryagin import fastest, pontryagin
 
 HORIZONTALS = [f"horizontal-{distance}" for distance in (3, 6, 9, 12, 15)]
-FREE = [*((name, 0) for name in (*HORIZONTALS, "diagonal")), *(("climb", 1), ("climb", -1), ("drop", 1))]
+CASES = [*((name, 0) for name in (*HORIZONTALS, "diagonal")), *(("climb", 1), ("climb", -1), ("drop", 1))]
 """Named scenarios in free space and their best windings."""
 
 
@@ -29,7 +29,7 @@ def goal(x, z, **parts):
     return Scenario("goal", (0.0, 0.0), (x, z), **parts)
 
 
-@pytest.mark.parametrize(("name", "winding"), FREE)
+@pytest.mark.parametrize(("name", "winding"), CASES)
 def test_named_scenarios_agree_with_shooting_and_are_certified(name, winding):
     extremal, scenario = solved(name, winding), SCENARIOS[name]
     direct = solve_winding(scenario, winding, nodes=200).trajectory.duration
@@ -43,7 +43,7 @@ def test_named_scenarios_agree_with_shooting_and_are_certified(name, winding):
     assert certificate.lower_bound < extremal.time
 
 
-@pytest.mark.parametrize(("name", "winding"), FREE)
+@pytest.mark.parametrize(("name", "winding"), CASES)
 def test_all_equations_and_signs_hold(name, winding):
     extremal = solved(name, winding)
     assert extremal.residual < 1e-10
