@@ -1,4 +1,4 @@
-"""The learners: Stable-Baselines3 on the batched environment, experts, imitation, demonstrations, scores against K*."""
+"""Agents: Stable-Baselines3 training, classical controllers, demonstrations, imitation learning, scores against K*."""
 
 from flatgym.extras import require
 
@@ -11,7 +11,7 @@ from agents.controllers.tracking import Expert, OpenLoop
 from agents.evaluation.bootstrap import summary
 from agents.evaluation.rollouts import Flights, fly
 from agents.evaluation.scores import FasterThanOptimal, evaluate, flight_rows
-from agents.imitation.advisers import guided, regulated
+from agents.imitation.oracles import combined_oracle, lqr_oracle
 from agents.training.backward_starts import backward_starts
 from agents.training.configs import CONFIGS, Config, PPOConfig, SACConfig, TD3Config, TQCConfig, config_of
 from agents.training.models import build
@@ -36,17 +36,17 @@ __all__ = [
     "Training",
     "backward_starts",
     "build",
+    "combined_oracle",
     "config_of",
     "decode_observation",
     "demonstrations",
     "evaluate",
     "flight_rows",
     "fly",
-    "guided",
     "imitation",
+    "lqr_oracle",
     "make_vec_env",
     "policies",
-    "regulated",
     "summary",
     "train",
 ]

@@ -1,14 +1,14 @@
-"""The classical baseline: a cascaded PD controller that knows the vehicle and sees what any policy sees.
+"""Cascaded PD control: the classical baseline. It knows the vehicle and takes the same observations as any policy.
 
-    way to the target -> velocity -> acceleration -> tilt and thrust -> rate
+    displacement to the target -> velocity -> acceleration -> tilt and thrust -> rate
 
-Each arrow is a proportional law; the first two together are a PD controller of the position, whose wanted speed
-is proportional to the way near the target, and far away the one from which the vehicle can still brake,
+Each arrow is a proportional law. The first two form a PD controller of the position. The speed set-point is
+proportional to the distance d near the target; farther away it is the speed from which the vehicle can still brake,
 
     v = min(approach d + v_end, sqrt(v_end^2 + 2 braking d)).
 
-The target is the next hoop, flown through in its direction at a speed v_end that leaves time to turn, and after
-the last hoop the goal. It plans nothing and never flips: what it lacks to the optimum is what planning is worth.
+The target is the next hoop, crossed in its direction at a speed v_end that leaves time to turn; after the last hoop
+it is the goal. The controller does not plan and never flips. Its gap to the optimum is the value of planning.
 """
 
 from __future__ import annotations
@@ -20,34 +20,34 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flatgym.quadrotor import Array, Quadrotor
-from flatgym.task.decoding import DecodedObservation, decode_observation
+from flatgym.task.observation import DecodedObservation, decode_observation
 
-INSIDE = 0.35
-"""How far beside its axis a gap counts as lying ahead, as a share of its width."""
-LIFT_LEFT = 0.95
-"""Share of the greatest thrust that the height may take, so that some is left for the side."""
-LEVEL = 0.3
-"""Cosine of the tilt below which thrust is not raised any more to keep the height."""
-TINY = 1e-9
-"""A way so short has no direction [m]."""
+AHEAD_SHARE = 0.35
+"""Largest lateral offset from a hoop's axis at which its gap counts as ahead, as a share of the diameter."""
+LIFT_SHARE = 0.95
+"""Largest share of thrust_max for the vertical axis; the rest is left for the horizontal one."""
+MIN_COS_TILT = 0.3
+"""Smallest cosine of the tilt for which the thrust is raised to hold the height."""
+MIN_DISTANCE = 1e-9
+"""Lower bound of distances, which avoids division by zero [m]."""
 
 
 @dataclass(frozen=True)
 class CascadedPD:
     """A cascaded PD controller with the `predict` of a Stable-Baselines3 model.
 
-    The gains are those found to be fastest on the named scenarios and on a few hundred drawn ones, all reached.
+    The gains are the fastest found that reach the goal on the named scenarios and on a few hundred sampled ones.
 
     Attributes:
-        quadrotor: the vehicle that is flown.
-        approach: wanted speed by distance, near the target [1/s].
-        braking: deceleration with which the wanted speed reckons, far from it [m/s^2].
-        damping: wanted acceleration by missing speed [1/s].
-        turning: wanted rate by missing tilt [1/s].
-        tilt: greatest wanted tilt [rad].
-        passing: wanted speed at a hoop behind which the way goes straight on [m/s].
-        beyond: how far behind a hoop to aim when its gap lies ahead, and how far before it when it was missed [m].
-        clearance: least height above a floor, and below a ceiling, to aim at [m].
+        quadrotor: the vehicle.
+        approach: speed set-point per distance near the target [1/s].
+        braking: deceleration assumed for the speed set-point far from the target [m/s^2].
+        damping: acceleration set-point per velocity error [1/s].
+        turning: rate set-point per tilt error [1/s].
+        tilt: largest tilt set-point [rad].
+        passing: speed set-point at a hoop after which the path goes straight on [m/s].
+        overshoot: distance of the aim point behind a hoop that is ahead, or before a hoop that was missed [m].
+        clearance: smallest height of the goal set-point above a floor and below a ceiling [m].
     """
 
     quadrotor: Quadrotor = field(default_factory=Quadrotor)
@@ -57,7 +57,7 @@ class CascadedPD:
     turning: float = 27.0
     tilt: float = 1.26
     passing: float = 2.5
-    beyond: float = 0.6
+    overshoot: float = 0.6
     clearance: float = 0.05
 
     def predict(
@@ -67,48 +67,48 @@ class CascadedPD:
         episode_start: NDArray[np.bool_] | None = None,  # noqa: ARG002 - as Stable-Baselines3 calls it
         deterministic: bool = True,  # noqa: ARG002
     ) -> tuple[NDArray[np.float32], Any]:
-        """Return actions, shape (..., 2), for observations, shape (..., 19); the state is handed back as it came."""
+        """Return actions (..., 2) for observations (..., 19), and `state` unchanged."""
         seen = decode_observation(observation)
         action = self.quadrotor.action(self._control(seen, self._acceleration(seen)))
         return np.clip(action, -1, 1).astype(np.float32), state
 
     def _acceleration(self, seen: DecodedObservation) -> Array:
-        """Return the wanted acceleration [m/s^2], shape (..., 2)."""
-        way, speed = self._target(seen)
-        distance = np.maximum(_norm(way), TINY)
+        """Return the acceleration set-point [m/s^2], shape (..., 2)."""
+        displacement, speed = self._target(seen)
+        distance = np.maximum(_norm(displacement), MIN_DISTANCE)
         near, far = self.approach * distance + speed, np.sqrt(speed**2 + 2 * self.braking * distance)
-        velocity = way * (np.minimum(near, far) / distance)[..., None]
+        velocity = displacement * (np.minimum(near, far) / distance)[..., None]
         return self.damping * (velocity - seen.velocity)
 
     def _target(self, seen: DecodedObservation) -> tuple[Array, Array]:
-        """Return the way to what is flown to next [m], shape (..., 2), and the wanted speed there [m/s] (...)."""
+        """Return the displacement to the target [m], shape (..., 2), and the speed set-point there [m/s] (...)."""
         low, high = self.clearance - seen.floor, seen.ceiling - self.clearance
         goal = np.stack([seen.goal[..., 0], np.clip(seen.goal[..., 1], low, np.maximum(low, high))], axis=-1)
         hoop, direction = seen.hoops[..., 0, :], seen.directions[..., 0, :]
         onwards = np.where(seen.ahead[..., 1, None], seen.hoops[..., 1, :], goal) - hoop
-        length = np.maximum(_norm(onwards), TINY)
+        length = np.maximum(_norm(onwards), MIN_DISTANCE)
         straight = np.clip(_dot(onwards, direction) / length, 0.3, 1.0)
         speed = np.minimum(self.passing * straight, np.sqrt(2 * self.braking * length))
         before = _dot(hoop, direction) > 0
-        aside = np.abs(_dot(hoop, direction[..., ::-1] * [-1, 1]))
-        through = np.where(aside < INSIDE * seen.diameters[..., 0], self.beyond, 0.0)
-        way = hoop + np.where(before, through, -self.beyond)[..., None] * direction
+        offset = np.abs(_dot(hoop, direction[..., ::-1] * [-1, 1]))
+        through = np.where(offset < AHEAD_SHARE * seen.diameters[..., 0], self.overshoot, 0.0)
+        displacement = hoop + np.where(before, through, -self.overshoot)[..., None] * direction
         there = seen.ahead[..., 0]
-        return np.where(there[..., None], way, goal), np.where(there & before, speed, 0.0)
+        return np.where(there[..., None], displacement, goal), np.where(there & before, speed, 0.0)
 
     def _control(self, seen: DecodedObservation, acceleration: Array) -> Array:
-        """Return [thrust, rate], shape (..., 2): the height comes first, and what thrust is left goes to the side."""
+        """Return [thrust, rate], shape (..., 2); the vertical axis has priority over the horizontal one."""
         q = self.quadrotor
-        lift = np.clip(acceleration[..., 1] + q.gravity, q.thrust_min, LIFT_LEFT * q.thrust_max)
+        lift = np.clip(acceleration[..., 1] + q.gravity, q.thrust_min, LIFT_SHARE * q.thrust_max)
         most = np.minimum(np.sqrt(q.thrust_max**2 - lift**2), np.tan(self.tilt) * lift)
         tilt = np.arctan2(np.clip(acceleration[..., 0], -most, most), lift)
         missing = np.arctan2(np.sin(tilt - seen.theta), np.cos(tilt - seen.theta))
-        return np.stack([lift / np.maximum(seen.cos, LEVEL), self.turning * missing], axis=-1)
+        return np.stack([lift / np.maximum(seen.cos, MIN_COS_TILT), self.turning * missing], axis=-1)
 
 
 def _dot(one: Array, other: Array) -> Array:
     return np.sum(one * other, axis=-1)
 
 
-def _norm(way: Array) -> Array:
-    return np.hypot(way[..., 0], way[..., 1])
+def _norm(displacement: Array) -> Array:
+    return np.hypot(displacement[..., 0], displacement[..., 1])

@@ -1,12 +1,12 @@
-"""Experts: flights known to be optimal, flown with feedback.
+"""Experts: optimal flights tracked with feedback.
 
     Expert(fewest_steps("hoop")).predict(observations)
 
-Feed-forward alone, the actions of the flight as they stand, ends at the goal only if nothing interferes. So the
-controls are corrected by the regulator about the flight (`agents.controllers.lqr`): u = u_k - K_k x, with x the deviation
-of the state from where the flight is at step k. Who is late, as by a delay or too heavy a vehicle, is not to catch up
-what cannot be caught up: k is the nearest of the last steps, not the present one. After its last step the expert
-hovers at the goal, with the regulator of that. `TrackingControllers` are many, each about a flight of its own.
+Open-loop replay of the actions reaches the goal only without disturbances. The expert therefore corrects the controls
+by the time-varying LQR around the flight (`agents.controllers.lqr`): u = u_k - K_k x, with x the deviation of the state
+from the flight at step k. If the vehicle lags (delay, extra mass), it does not try to catch up: k is the nearest of the
+last 12 points, not the current step. After the last step the expert hovers at the goal, with the LQR around hovering.
+`TrackingControllers` batches many flights, each with its own LQR.
 """
 
 from __future__ import annotations
@@ -18,34 +18,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.controllers.lqr import regulator, terminal_cost
+from agents.controllers.lqr import terminal_cost, tvlqr_gains
 from flatgym import task
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
-from flatgym.task.decoding import DecodedObservation, decode_observation
+from flatgym.task.observation import DecodedObservation, decode_observation
 from flatgym.task.scene import Integers, Scene
 from optimal.discrete.fewest_steps import FewestSteps
 from optimal.flights.solution import Solution
 
-LATE = 12
-"""How many points of a flight back, as `Expert` has it, a vehicle may be late."""
+MAX_LAG = 12
+"""Points of the flight, the current one included, that `Expert` searches for the nearest."""
 
 
 class Expert:
-    """A flight as a policy: feed-forward and a time-varying regulator, `predict` as an SB3 model has it.
+    """An optimal flight as a policy: feed-forward and time-varying LQR, with the `predict` of an SB3 model.
 
     Args:
-        flight: what `optimal.fewest_steps` or `optimal.solve` found; a flight in continuous time is flown in steps of
-            dt by the means of its controls.
-        late: points of the flight, counted back from the present step, among which the nearest is looked for; with 1
-            a vehicle is to be where the flight is at this very step, as a learner of the flight in K* steps should.
+        flight: the result of `optimal.fewest_steps` or `optimal.solve`. A flight in continuous time is flown in steps
+            of dt with the mean controls of each step.
+        max_lag: points of the flight, counted back from the current step, that are searched for the nearest. With 1
+            the reference is the point of the current step, which is right for imitating a flight in K* steps.
 
     Raises:
-        ValueError: for an answer without a flight.
+        ValueError: for a result without a flight.
     """
 
-    def __init__(self, flight: FewestSteps | Solution, late: int = LATE) -> None:
-        self.scenario, self._experts = flight.scenario, TrackingControllers([flight], range(0, -late, -1))
+    def __init__(self, flight: FewestSteps | Solution, max_lag: int = MAX_LAG) -> None:
+        self.scenario, self._controllers = flight.scenario, TrackingControllers([flight], range(0, -max_lag, -1))
 
     def predict(
         self,
@@ -54,31 +54,31 @@ class Expert:
         episode_start: Any = None,  # noqa: ARG002
         deterministic: bool = True,  # noqa: ARG002
     ) -> tuple[NDArray[np.float32], Any]:
-        """Return actions (..., 2) for observations (..., 19) of its own scenario, and the state it was given."""
+        """Return actions (..., 2) for observations (..., 19) of the flight's scenario, and `state` unchanged."""
         seen = decode_observation(observation)
-        return self.action(placed(seen, self.scenario), steps_flown(seen, self.scenario)), state
+        return self.action(absolute_state(seen, self.scenario), steps_flown(seen, self.scenario)), state
 
     def action(self, state: Array, step: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return actions (..., 2) for states (..., 5) after so many steps (...); whole turns do not matter."""
+        """Return actions (..., 2) for states (..., 5) after `step` steps (...); the tilt counts modulo 2 pi."""
         first = np.zeros_like(step)
-        point, off, _ = self._experts.nearest(first, state, np.minimum(step, self._experts.last[0]) - 1)
-        return self._experts.action(first, point, off)
+        point, off, _ = self._controllers.nearest(first, state, np.minimum(step, self._controllers.last[0]) - 1)
+        return self._controllers.action(first, point, off)
 
 
 class TrackingControllers:
-    """Many flights, each flown by its own regulator.
+    """Time-varying LQRs around n flights, evaluated as a batch.
 
     Args:
-        flights: of scenarios of one vehicle, step and tolerance.
-        window: points of a flight, counted from that after the one which was nearest before, among which the nearest
-            is looked for; with (0,) a vehicle is to be where its flight is at this very step.
+        flights: flights of scenarios that share vehicle, step and tolerance.
+        window: points of a flight that are searched for the nearest, relative to the successor of the previous
+            nearest point. With (0,) the reference advances by one point each step.
 
     Attributes:
         scene: the scenarios.
-        last: the point of each flight from which on it hovers, shape (n,).
+        last: the point of each flight from which it hovers, shape (n,).
 
     Raises:
-        ValueError: for an answer without a flight, and for different vehicles.
+        ValueError: for a result without a flight, and for different vehicles.
     """
 
     def __init__(self, flights: Sequence[FewestSteps | Solution], window: Sequence[int] = (0,)) -> None:
@@ -89,11 +89,11 @@ class TrackingControllers:
         self.states, self.controls = (
             np.stack([held(one, self.last.max() + 1) for one in ones]) for ones in zip(*flown, strict=True)
         )
-        self.gains = regulator(self.scenario, self.states, self.controls, self.last)
+        self.gains = tvlqr_gains(self.scenario, self.states, self.controls, self.last)
         self._weights = np.diag(terminal_cost(self.scenario.tolerance))
 
     def hoops_passed(self) -> Integers:
-        """Return how many hoops each flight has passed at each of its points, shape (n, K)."""
+        """Return the number of hoops each flight has passed at each of its points, shape (n, K)."""
         situation = task.initial(self.scene)
         passed = [situation.hoops_passed]
         for states, controls in zip(self.states.swapaxes(0, 1), self.controls[:, :-1].swapaxes(0, 1), strict=False):
@@ -102,12 +102,12 @@ class TrackingControllers:
         return np.stack(passed, axis=1)
 
     def nearest(self, which: Integers, state: Array, before: Integers) -> tuple[Integers, Array, Array]:
-        """Return the nearest points (...) of flights, how far off them states are (..., 5), and in tolerances (...).
+        """Return the nearest points (...), the deviations from them (..., 5), and their norms in tolerances (...).
 
         Args:
-            which: the flights, shape (...).
-            state: shape (..., 5); whole turns do not matter.
-            before: the points that were nearest a step before, shape (...); -1 at first.
+            which: the index of each flight, shape (...).
+            state: shape (..., 5); the tilt counts modulo 2 pi.
+            before: the nearest points of the previous step, shape (...); -1 at first.
         """
         points = np.clip(before[..., None] + 1 + self.window, 0, self.last[which][..., None])
         off = state[..., None, :] - self.states[which[..., None], points]
@@ -118,16 +118,16 @@ class TrackingControllers:
         return point, np.take_along_axis(off, best[..., None], -2)[..., 0, :], distance
 
     def action(self, which: Integers, point: Integers, off: Array) -> NDArray[np.float32]:
-        """Return actions (..., 2) of flights (...) at points (...), states being so far off (..., 5)."""
+        """Return actions (..., 2) of flights `which` (...) at points (...) for deviations `off` (..., 5)."""
         control = self.controls[which, point] - np.einsum("...ij,...j->...i", self.gains[which, point], off)
         return np.clip(self.scenario.quadrotor.action(control), -1, 1).astype(np.float32)
 
 
 class OpenLoop:
-    """A flight's actions played as they stand, whatever is seen: what feedback has to beat.
+    """Open-loop replay of a flight's actions: the baseline without feedback.
 
     Args:
-        flight: what `optimal.fewest_steps` or `optimal.solve` found.
+        flight: the result of `optimal.fewest_steps` or `optimal.solve`.
     """
 
     def __init__(self, flight: FewestSteps | Solution) -> None:
@@ -140,23 +140,23 @@ class OpenLoop:
         episode_start: Any = None,  # noqa: ARG002
         deterministic: bool = True,  # noqa: ARG002
     ) -> tuple[NDArray[np.float32], Any]:
-        """Return the actions (..., 2) of the step that observations (..., 19) are of, and the state it was given."""
+        """Return the actions (..., 2) of the step at which observations (..., 19) were made, and `state` unchanged."""
         steps = steps_flown(decode_observation(observation), self.scenario)
         return self.actions[np.minimum(steps, len(self.actions) - 1)].astype(np.float32), state
 
 
-def placed(seen: DecodedObservation, scenario: Scenario) -> Array:
-    """Return the states (..., 5) that a scenario's observations tell of, the tilt in [-pi, pi]."""
+def absolute_state(seen: DecodedObservation, scenario: Scenario) -> Array:
+    """Return the states (..., 5) that observations of a scenario encode, the tilt in [-pi, pi]."""
     return np.concatenate([np.array(scenario.goal) - seen.goal, seen.velocity, seen.theta[..., None]], axis=-1)
 
 
 def steps_flown(seen: DecodedObservation, scenario: Scenario) -> NDArray[np.int64]:
-    """Return after how many steps (...) a scenario's observations were made."""
+    """Return the environment steps (...) before observations of a scenario."""
     return np.rint(seen.time * scenario.max_steps).astype(np.int64)
 
 
 def in_steps(flight: FewestSteps | Solution) -> tuple[Array, Array]:
-    """Return states and controls of a flight in environment steps, and of hovering behind it, (K+1, 5) and (K+1, 2)."""
+    """Return states (K+1, 5) and controls (K+1, 2) at the environment steps of a flight; the last row hovers."""
     scenario = flight.scenario
     if isinstance(flight, FewestSteps):
         states, controls = flight.states[:-1], scenario.quadrotor.control(flight.actions)
@@ -168,11 +168,11 @@ def in_steps(flight: FewestSteps | Solution) -> tuple[Array, Array]:
     else:
         states = controls = np.zeros((0, 0))
     if not len(states):
-        raise ValueError(f"{scenario.name!r}: the answer holds no flight ({flight.status.value}): {flight.reason}")
+        raise ValueError(f"{scenario.name!r}: the result has no flight ({flight.status.value}): {flight.reason}")
     hover = np.array([scenario.quadrotor.gravity, 0.0])
     return np.vstack([states, scenario.goal_state]), np.vstack([controls, hover])
 
 
 def held(rows: Array, count: int) -> Array:
-    """Return `count` rows, the last of them again and again."""
+    """Return `rows` padded to `count` rows with copies of the last."""
     return np.concatenate([rows, np.repeat(rows[-1:], count - len(rows), axis=0)])

@@ -7,7 +7,6 @@ state is disturbed by normal deviates, and the fewest steps from there are found
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,9 +17,8 @@ import numpy as np
 from agents.demonstrations.recording import Demonstration, no_progress
 from flatgym.quadrotor import Array
 from flatgym.task.rollout import episode_outcomes, replay_to_goal
-from optimal.batch import broken_off
-from optimal.discrete.fewest_steps import FewestSteps, fewest_steps
-from optimal.discrete.replanning import RemainingTask, replan, rest
+from optimal.discrete.fewest_steps import FewestSteps
+from optimal.discrete.replanning import RemainingTask, remaining_trajectory, replan
 from optimal.flights.solution import Status
 from optimal.parallel import unordered
 from optimal.store import Store
@@ -112,13 +110,12 @@ def continuation(off: Perturbed) -> FewestSteps:
     target, before = off.flight.scenario, off.flight.flight
     try:
         left = RemainingTask.of(target, off.state, off.hoops_passed)
-        found = replan(left, rest(before, off.step, target), before.winding)
+        found = replan(left, remaining_trajectory(before, off.step, target), before.winding)
     except Exception as error:
-        return broken_off(fewest_steps, target, f"{type(error).__name__}: {error}")
+        return FewestSteps.failed(target, Status.INTERRUPTED, f"{type(error).__name__}: {error}")
     flown = None if found is None else replay_to_goal(target, found.actions, off.state, off.hoops_passed)
     if found is None or flown is None or len(flown) != len(found.actions) + 1:
-        nothing = np.zeros((0, 2), np.float32), np.zeros((0, 5))
-        return FewestSteps(target, math.inf, *nothing, 0, math.inf, 0, Status.NO_STEPS_FOUND)
+        return FewestSteps.failed(target, Status.NO_STEPS_FOUND)
     return FewestSteps(target, len(found.actions), *found, 0, Status.BEST_KNOWN)
 
 
@@ -141,7 +138,7 @@ def _continued(
             left.append((key, off))
     left.sort(key=lambda asked: _likeness(asked[1]))
     for key, answer in unordered(_keyed, left, jobs, backend) if left else ():  # type: ignore[arg-type]
-        if store is not None and answer.status is not Status.BROKEN_OFF:
+        if store is not None and answer.status is not Status.INTERRUPTED:
             tasks[key].stored(store).write(answer)
         yield key, answer
 

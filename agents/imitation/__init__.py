@@ -1,7 +1,7 @@
 """Imitation learning: behaviour cloning and DAgger."""
 
-from agents.imitation.cloning import CloneConfig, clone, student
-from agents.imitation.dataset import Shown, joined, mirrored, recorded
+from agents.imitation.cloning import CloneConfig, clone, untrained_policy
+from agents.imitation.dataset import ExpertData, concatenate, load_expert_data, with_mirror_images
 from agents.imitation.dataset_aggregation import DaggerConfig, dagger
 from agents.imitation.selection import BestPolicy
 
@@ -9,11 +9,11 @@ __all__ = [
     "BestPolicy",
     "CloneConfig",
     "DaggerConfig",
-    "Shown",
+    "ExpertData",
     "clone",
+    "concatenate",
     "dagger",
-    "joined",
-    "mirrored",
-    "recorded",
-    "student",
+    "load_expert_data",
+    "untrained_policy",
+    "with_mirror_images",
 ]

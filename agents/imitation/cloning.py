@@ -1,4 +1,10 @@
-"""TODO agents/imitation/cloning.py."""
+"""Behaviour cloning: a network is fitted to the actions of an expert (Pomerleau 1989).
+
+    clone(load_expert_data(minari.load_dataset("flatquad/hoop/optimal-v0"), "hoop"), CloneConfig(scenario="hoop"))
+
+Time-optimal controls are mostly at a limit, and the environment clips the network's output. Where the expert's action
+is at a limit, an output beyond the same limit therefore has no loss.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +15,7 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 
-from agents.imitation.dataset import Shown
+from agents.imitation.dataset import ExpertData
 from agents.policies.networks import act, actor_parameters
 from agents.training.configs import PPOConfig
 from agents.training.fields import Checked, Count, Natural, Positive
@@ -18,39 +24,39 @@ from agents.training.models import build
 
 @dataclass(frozen=True)
 class CloneConfig(Checked):
-    """Everything a cloning depends on, besides what is shown."""
+    """Configuration of behaviour cloning, without the expert data."""
 
     seed: Natural = 0
-    """Seed of network and batches."""
+    """Seed of the initial weights and the minibatches."""
     width: Count = 96
     """Units of each hidden layer of the actor."""
     depth: Count = 3
     """Hidden layers."""
     observation_scale: Positive = 8.0
-    """Factor on all observations but the attitude, before the network: bang-bang controls switch within centimetres."""
+    """Scale of all observations except the attitude; large, because bang-bang controls switch within centimetres."""
     guidance: bool = False
-    """Whether the network sees what guidance laws steer by as well, and not the time; see `agents.policies.guidance`."""
+    """Whether guidance features replace the time in the observations; see `agents.policies.guidance`."""
     learning_rate: Positive = 2e-3
-    """Learning rate at the beginning, falling along a cosine."""
+    """Initial learning rate of a cosine schedule."""
     batch_size: Count = 512
-    """Size of a minibatch."""
+    """Rows of a minibatch."""
     gradient_steps: Count = 4000
     """Gradient steps."""
     eval_seed: Natural = 500_000
-    """Seed of the flights by which policies are ranked; on a distribution neither those trained on nor those scored."""
+    """Seed of the first validation episode; on a distribution these are neither training nor score episodes."""
     n_eval_episodes: Count = 64
-    """Their number on a distribution; on a scenario one tells all."""
+    """Validation episodes on a distribution; a scenario needs one, because it is deterministic."""
 
 
 def loss(output: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
-    """Return the squared error, shape (n, 2), zero where output and action are beyond the same limit."""
+    """Return the squared error, shape (n, 2), zero where the output is beyond the limit that the action is at."""
     error = output - action
     beyond = (action.abs() >= 1) & (error * action.sign() > 0)
     return torch.where(beyond, torch.zeros_like(error), error.square())
 
 
-def student(config: CloneConfig) -> PPO:
-    """Return an untrained PPO whose actor is to learn; its critic is for whoever goes on with PPO."""
+def untrained_policy(config: CloneConfig) -> PPO:
+    """Return an untrained PPO whose actor is to be fitted; its critic serves a later training with PPO."""
     return build(
         PPOConfig(
             scenario=config.scenario,
@@ -66,20 +72,20 @@ def student(config: CloneConfig) -> PPO:
     )
 
 
-def fit(model: PPO, shown: Shown, config: CloneConfig, share: float = 1.0) -> float:
-    """Fit the actor to what was shown; return the mean loss of the last tenth of the updates.
+def fit(model: PPO, data: ExpertData, config: CloneConfig, share: float = 1.0) -> float:
+    """Fit the actor to expert data in place, and return the mean loss of the last tenth of the gradient steps.
 
     Args:
-        model: is changed.
-        shown: n observations and actions.
-        config: batch, updates and learning rate.
-        share: of the learning rate to begin with; a fifth of it is left at the end.
+        model: the policy to be trained.
+        data: n observations and actions.
+        config: batch size, gradient steps and learning rate.
+        share: initial share of the learning rate; it falls to a fifth of this share.
     """
     optimizer = torch.optim.Adam(actor_parameters(model), lr=config.learning_rate * share)
     fall = torch.optim.lr_scheduler.CosineAnnealingLR(
         optimizer, config.gradient_steps, config.learning_rate * share / 5
     )
-    observations, actions = torch.from_numpy(shown.observations), torch.from_numpy(shown.actions)
+    observations, actions = torch.from_numpy(data.observations), torch.from_numpy(data.actions)
     recent: list[float] = []
     for rows in batches(len(observations), config):
         error = loss(act(model, observations[rows]), actions[rows]).mean()
@@ -92,7 +98,7 @@ def fit(model: PPO, shown: Shown, config: CloneConfig, share: float = 1.0) -> fl
 
 
 def batches(count: int, config: CloneConfig) -> Iterator[torch.Tensor]:
-    """Yield the rows of `config.gradient_steps` minibatches of `count` rows, pass after pass in a new order."""
+    """Yield the row numbers of `config.gradient_steps` minibatches from `count` rows, reshuffled every epoch."""
     left = torch.zeros(0, dtype=torch.int64)
     for _ in range(config.gradient_steps):
         while len(left) < min(config.batch_size, count):
@@ -101,8 +107,8 @@ def batches(count: int, config: CloneConfig) -> Iterator[torch.Tensor]:
         yield rows
 
 
-def clone(shown: Shown, config: CloneConfig) -> PPO:
-    """Return a PPO whose actor imitates what was shown (behaviour cloning); `agents.policies.save` keeps it."""
-    model = student(config)
-    fit(model, shown, config)
+def clone(data: ExpertData, config: CloneConfig) -> PPO:
+    """Return a PPO whose actor is fitted to expert data (behaviour cloning); `agents.policies.save` stores it."""
+    model = untrained_policy(config)
+    fit(model, data, config)
     return model

@@ -1,15 +1,10 @@
-"""Imitation: a network learns what an expert does, from recorded flights and from its own.
+"""DAgger: the policy visits states, an expert labels them, and the policy is fitted to all labels so far.
 
-    clone(recorded(minari.load_dataset("flatquad/hoop/optimal-v0"), "hoop"), CloneConfig(scenario="hoop"))
-    dagger(student(config), adviser, config, Keeper(config))    # advisers: `agents.imitation.advisers`
+    dagger(untrained_policy(config), oracle, config, BestPolicy(config))    # oracles: `agents.imitation.oracles`
 
-Behaviour cloning fits the actions of recorded flights (Pomerleau 1989). What it learns about is where the expert
-went; a small error leads elsewhere, where nobody showed what to do. DAgger (Ross, Gordon and Bagnell 2011) therefore
-flies the learner, asks the expert what it would have done from where the learner came to, adds that to what there is,
-and fits again. The policy that flies best of all rounds is kept.
-
-A time-optimal flight has its controls mostly at a limit, and the network's output is clipped. So where the expert's
-action is at a limit, whatever lies beyond counts as equal to it: nothing is spent on how far beyond.
+Behaviour cloning (`agents.imitation.cloning`) covers only the states of the expert. Small errors lead to states
+without labels. DAgger (Ross, Gordon and Bagnell 2011) therefore rolls out the policy, asks an expert oracle for the
+actions at the visited states, adds these labels to the data, and fits again. The best policy of all rounds is returned.
 """
 
 from __future__ import annotations
@@ -20,42 +15,42 @@ from dataclasses import dataclass
 from stable_baselines3 import PPO
 
 from agents.imitation.cloning import CloneConfig, fit
-from agents.imitation.dataset import Shown, joined
+from agents.imitation.dataset import ExpertData, concatenate
 from agents.imitation.selection import BestPolicy
 from agents.training.fields import Count, Positive
 
 
 @dataclass(frozen=True)
 class DaggerConfig(CloneConfig):
-    """Everything DAgger depends on, besides the adviser."""
+    """Configuration of DAgger, without the oracle."""
 
     gradient_steps: Count = 1000
     """Gradient steps of each round."""
     rounds: Count = 8
-    """Rounds of flying, asking and fitting."""
+    """Rounds of rolling out, labelling and fitting."""
     max_seconds: Positive = 600.0
     """Wall time after which no further round begins [s]."""
 
 
-ExpertOracle = Callable[[PPO | None, int], Shown]
-"""Flies a learner, or the expert itself where there is none yet, in a round, and returns what the expert would do."""
+ExpertOracle = Callable[[PPO | None, int], ExpertData]
+"""Takes a policy (None: the expert itself) and a round; rolls it out and returns the expert's labels."""
 
 
-def dagger(model: PPO, adviser: ExpertOracle, config: DaggerConfig, keeper: BestPolicy) -> PPO:
-    """Let a model fly, be advised, and learn, round by round; return it as it flew best (DAgger).
+def dagger(model: PPO, oracle: ExpertOracle, config: DaggerConfig, best: BestPolicy) -> PPO:
+    """Run DAgger and return the model with the best weights.
 
     Args:
-        model: a `student`, or one that has learnt something.
-        adviser: flies it, and says what the expert would have done.
-        config: rounds, time and gradient steps.
-        keeper: checks it after each round; the last ends when time is up, or nothing can be improved.
+        model: an `untrained_policy`, or a policy to improve.
+        oracle: rolls out the policy and returns the expert's labels; round 0 rolls out the expert.
+        config: rounds, time limit and gradient steps.
+        best: validates after each round. DAgger ends when its target is reached or the time is up.
     """
-    shown = [adviser(None, 0)]
+    data = [oracle(None, 0)]
     for number in range(1, config.rounds + 1):
-        fit(model, joined(shown), config, share=1 - (number - 1) / config.rounds)
-        keeper.check(model)
-        if keeper.satisfied or keeper.elapsed > config.max_seconds or number == config.rounds:
+        fit(model, concatenate(data), config, share=1 - (number - 1) / config.rounds)
+        best.validate(model)
+        if best.target_reached or best.elapsed > config.max_seconds or number == config.rounds:
             break
-        shown.append(adviser(model, number))
-        keeper.env_steps += shown[-1].flown
-    return keeper.restore(model)
+        data.append(oracle(model, number))
+        best.env_steps += data[-1].env_steps
+    return best.load_best(model)

@@ -1,4 +1,4 @@
-"""TODO agents/imitation/selection.py."""
+"""Model selection for imitation learning: validate after each fit and keep the best weights."""
 
 from __future__ import annotations
 
@@ -9,52 +9,54 @@ from typing import Any
 import torch
 from stable_baselines3 import PPO
 
-from agents.evaluation.checks import Point, outcome_of, rank
-from agents.evaluation.rollouts import fly
+from agents.evaluation.validation import Point, Validation
 from agents.imitation.cloning import CloneConfig
-from flatgym.scenarios import catalogue
-from flatgym.scenarios.scenario import Scenario
 
 
 class BestPolicy:
-    """Checks a policy now and then, extends its learning curve, and remembers the best.
+    """Validates a policy, extends its learning curve, and stores the weights of the best one.
 
     Args:
-        config: what is flown to check.
-        target: success in so few steps is the best there is.
-        watch: is told each point.
+        config: gives the scenario and the validation episodes.
+        target: steps at which the policy needs no improvement.
+        on_validation: called with each point of the learning curve.
+
+    Attributes:
+        env_steps: environment steps of the policy so far; the caller adds them.
     """
 
     def __init__(
-        self, config: CloneConfig, target: float = 0.0, watch: Callable[[Point], Any] = lambda _: None
+        self, config: CloneConfig, target: float = 0.0, on_validation: Callable[[Point], Any] = lambda _: None
     ) -> None:
-        self.config, self.target, self.watch, self.began = config, target, watch, time.perf_counter()
-        self.episodes = 1 if isinstance(catalogue.problem(config.scenario), Scenario) else config.n_eval_episodes
-        self.curve: list[Point] = []
-        self.best: dict[str, torch.Tensor] = {}
+        self.validation = Validation(config.scenario, config.eval_seed, config.n_eval_episodes, target)
+        self.on_validation, self.started = on_validation, time.perf_counter()
+        self.weights: dict[str, torch.Tensor] = {}
         self.env_steps = 0
 
     @property
-    def elapsed(self) -> float:
-        """Wall time since the keeper was made [s]."""
-        return time.perf_counter() - self.began
+    def curve(self) -> list[Point]:
+        """The learning curve, one point a validation."""
+        return self.validation.curve
 
     @property
-    def satisfied(self) -> bool:
-        """Whether the best policy needs no improvement."""
-        return any(point["success_rate"] == 1 and point["steps"] <= self.target for point in self.curve)
+    def elapsed(self) -> float:
+        """Wall time since construction [s]."""
+        return time.perf_counter() - self.started
 
-    def check(self, model: PPO) -> Point:
-        """Fly the policy deterministically, and return the new point of the curve."""
-        flights = fly(model, self.config.scenario, self.episodes, self.config.eval_seed)
-        point = {"env_steps": self.env_steps, "wall_time_s": round(self.elapsed, 1), **outcome_of(flights)}
-        if all(rank(point) > rank(other) for other in self.curve):
-            self.best = {name: value.clone() for name, value in model.policy.state_dict().items()}
-        self.curve.append(point)
-        self.watch(point)
+    @property
+    def target_reached(self) -> bool:
+        """Whether the best policy needs no improvement."""
+        return self.validation.target_reached
+
+    def validate(self, model: PPO) -> Point:
+        """Validate the policy, store its weights if it is the best, and return the new point of the curve."""
+        if self.validation.run(model, self.env_steps, self.elapsed):
+            self.weights = {name: value.clone() for name, value in model.policy.state_dict().items()}
+        point = self.curve[-1]
+        self.on_validation(point)
         return point
 
-    def restore(self, model: PPO) -> PPO:
-        """Give the model the weights of the best check."""
-        model.policy.load_state_dict(self.best)
+    def load_best(self, model: PPO) -> PPO:
+        """Load the weights of the best validation into the model, and return it."""
+        model.policy.load_state_dict(self.weights)
         return model

@@ -1,5 +1,5 @@
-"""Policies: what they are, on disk, and those of other people."""
+"""Policies: their protocol, their files, their networks, and adapters for policies of other libraries."""
 
-from agents.policies.archive import Model, describe, load, names, pretrained, save
+from agents.policies.archive import describe, load, names, pretrained, save
 
-__all__ = ["Model", "describe", "load", "names", "pretrained", "save"]
+__all__ = ["describe", "load", "names", "pretrained", "save"]

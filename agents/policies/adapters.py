@@ -1,11 +1,11 @@
-"""Anybody's policy, made to fly what the scores fly: a zip, an object of a module, or a plain function.
+"""Adapters for policies of other libraries: a zip, an object of a module, or a plain function.
 
-    adapted("my_policy.zip", trust=True)
-    adapted("my_module:policy").predict(observations)     # also "agents/mine.py:Policy"
+    load_policy("my_policy.zip", trust=True)
+    load_policy("my_module:policy").predict(observations)     # also "agents/mine.py:Policy"
 
-What is named may have `predict`, as Stable-Baselines3 has it or with fewer arguments; may be a class that is made
-without arguments; or a function of observations. It is given those of n vehicles, shape (n, 19). If it can only deal
-with one, it is asked for each in turn, and had better remember nothing.
+The object may have a `predict` like Stable-Baselines3's or with fewer arguments, may be a class without constructor
+arguments, or a function of observations. It receives the observations of n vehicles, shape (n, 19). A policy that
+accepts only one vehicle is called once for each, and must be stateless.
 """
 
 from __future__ import annotations
@@ -29,14 +29,18 @@ KEYWORDS = ("state", "episode_start", "deterministic")
 
 
 class PolicyFailed(ValueError):
-    """A policy raised an error, or returned what is no action."""
+    """A policy raised an error, or returned invalid actions."""
 
 
 def load_policy(name: str, trust: bool = False) -> Policy:
-    """Return a policy by the name of its zip, or as "module:object" or "file.py:object", whose code is run.
+    """Return a policy from a zip, or from "module:object" or "file.py:object", which runs that code.
+
+    Args:
+        name: path of the zip, or the object.
+        trust: as in `policies.load`, for a zip.
 
     Raises:
-        ValueError: for what is not found or cannot be imported; as `policies.load` for a zip.
+        ValueError: if it is not found or cannot be imported; as `policies.load` for a zip.
     """
     place, colon, thing = str(name).rpartition(":")
     if not colon or name.endswith(".zip"):
@@ -47,24 +51,24 @@ def load_policy(name: str, trust: bool = False) -> Policy:
 
 
 class Adapted:
-    """A policy with Stable-Baselines3's `predict`, around one that has less.
+    """Adapts an object or function to Stable-Baselines3's `predict`.
 
     Args:
-        policy: an object with `predict`, a class of such, or a function.
-        name: what to call it in errors.
+        policy: an object with `predict`, a class of such objects, or a function.
+        name: its name in error messages.
 
     Raises:
-        PolicyFailed: where it is none of these.
+        PolicyFailed: if it is none of these.
     """
 
     def __init__(self, policy: Any, name: str = "") -> None:
         self.name = name or type(policy).__name__
         if inspect.isclass(policy):
-            policy = self._tried(policy)
+            policy = self._run(policy)
         call = getattr(policy, "predict", policy)
         if not callable(call):
-            raise PolicyFailed(f"{self.name} is no policy: it has no predict(observations), and is no function")
-        self._call, self._taken, self._singly = call, _keywords(call), False
+            raise PolicyFailed(f"{self.name} is not a policy: it has no predict(observations) and is not a function")
+        self._call, self._keywords_taken, self._one_by_one = call, _keywords(call), False
         self.observation_space = getattr(policy, "observation_space", None)
         self.action_space = getattr(policy, "action_space", None)
 
@@ -75,39 +79,39 @@ class Adapted:
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = False,
     ) -> tuple[NDArray[Any], Any]:
-        """Return actions (n, 2) for observations (n, 19), and what the policy wants handed back.
+        """Return actions (n, 2) for observations (n, 19), and the state for the next call.
 
         Raises:
-            PolicyFailed: naming what it raised or returned.
+            PolicyFailed: naming the error or the invalid actions.
         """
         observations, given = np.asarray(observation), (state, episode_start, deterministic)
-        arguments = {key: value for key, value in zip(KEYWORDS, given, strict=True) if key in self._taken}
-        if not self._singly:
+        arguments = {key: value for key, value in zip(KEYWORDS, given, strict=True) if key in self._keywords_taken}
+        if not self._one_by_one:
             try:
-                return self._asked(observations, arguments)
+                return self._actions(observations, arguments)
             except PolicyFailed as error:
                 if state is not None:
                     raise
                 first = error
         try:
-            found = np.stack([self._asked(one, arguments, (2,))[0] for one in observations]), None
+            found = np.stack([self._actions(one, arguments, (2,))[0] for one in observations]), None
         except PolicyFailed:
-            if self._singly:
+            if self._one_by_one:
                 raise
             raise first from first.__cause__
-        self._singly = True
+        self._one_by_one = True
         return found
 
-    def _asked(
+    def _actions(
         self, observations: NDArray[Any], arguments: dict[str, Any], shape: tuple[int, ...] | None = None
     ) -> tuple[NDArray[Any], Any]:
-        answer = self._tried(self._call, observations, **arguments)
+        answer = self._run(self._call, observations, **arguments)
         actions, state = answer if isinstance(answer, tuple) and len(answer) == 2 else (answer, None)
         wanted = shape or (len(observations), 2)
         try:
             actions = np.asarray(actions, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise PolicyFailed(f"{self.name} returned {answer!r}, which are no actions") from error
+            raise PolicyFailed(f"{self.name} returned {answer!r}, which is not an array of actions") from error
         if actions.shape != wanted and not (actions.size == 2 and wanted in ((1, 2), (2,))):
             raise PolicyFailed(
                 f"{self.name} returned actions of shape {actions.shape} for observations of shape "
@@ -115,7 +119,7 @@ class Adapted:
             )
         return actions.reshape(wanted), state
 
-    def _tried(self, function: Any, *values: Any, **arguments: Any) -> Any:
+    def _run(self, function: Any, *values: Any, **arguments: Any) -> Any:
         try:
             return function(*values, **arguments)
         except Exception as error:
@@ -123,7 +127,7 @@ class Adapted:
 
 
 def _keywords(call: Any) -> tuple[str, ...]:
-    """Return those of KEYWORDS that a function takes."""
+    """Return the members of KEYWORDS that a function accepts."""
     try:
         taken = inspect.signature(call).parameters
     except (TypeError, ValueError):
@@ -133,25 +137,25 @@ def _keywords(call: Any) -> tuple[str, ...]:
 
 
 def _module(place: str) -> ModuleType:
-    """Return a module by its name, also from the present folder, or by its file."""
+    """Return a module by its name, the current folder included, or by its file."""
     try:
         if place.endswith(".py"):
             found = importlib.util.spec_from_file_location(Path(place).stem, place)
             assert found is not None
             assert found.loader is not None
             module = importlib.util.module_from_spec(found)
-            sys.modules[found.name] = module  # as classes of it are looked up there
+            sys.modules[found.name] = module  # pickle and dataclasses look classes up there
             found.loader.exec_module(module)
             return module
         if (here := str(Path.cwd())) not in sys.path:
             sys.path.insert(0, here)
         return importlib.import_module(place)
-    except Exception as error:  # whatever its code does while it is imported
+    except Exception as error:  # importing runs arbitrary code
         raise ValueError(f"{place!r} cannot be imported: {type(error).__name__}: {error}") from error
 
 
 def _object(module: ModuleType, name: str) -> Any:
-    """Return what a module calls so."""
+    """Return an object of a module by its name."""
     if not hasattr(module, name):
         public = [word for word in vars(module) if not word.startswith("_")]
         near = difflib.get_close_matches(name, public, n=1)

@@ -1,6 +1,6 @@
-"""The networks of actor and critic: what they see, and how wide and deep they are.
+"""Networks of actor and critic: input scaling, width and depth.
 
-Saved policies name the module of `ScaledObservations`: it cannot move without orphaning them.
+Stored policies pickle `ScaledObservations` by its module path; moving or renaming the class makes them unreadable.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from flatgym.task.observation import OBSERVATION_NAMES
 
 
 class ScaledObservations(BaseFeaturesExtractor):
-    """Multiplies all observations but sine and cosine of the attitude, which are of order one already."""
+    """Scales all observations except sine and cosine of the attitude, which are of order one."""
 
     def __init__(self, observation_space: Any, factor: float) -> None:
         super().__init__(observation_space, len(OBSERVATION_NAMES))
@@ -33,34 +33,34 @@ def network(
     width: int,
     depth: int,
     value_width: int,
-    zoom: float,
+    observation_scale: float,
     features: type[ScaledObservations] = ScaledObservations,
 ) -> dict[str, Any]:
-    """Return SB3's `policy_kwargs` of an actor and a critic that share nothing but what they see.
+    """Return SB3's `policy_kwargs` for separate actor and critic networks.
 
     Args:
-        critic: what SB3 calls the critic: "vf" on policy, "qf" off policy.
+        critic: SB3's key of the critic: "vf" on-policy, "qf" off-policy.
         width: units of each hidden layer of the actor.
-        depth: hidden layers of either.
+        depth: hidden layers of actor and critic.
         value_width: units of each hidden layer of the critic; 0 for as many as the actor's.
-        zoom: factor of `ScaledObservations`.
-        features: what is made of the observations.
+        observation_scale: factor of `ScaledObservations`.
+        features: the feature extractor.
     """
     return {
         "net_arch": {"pi": [width] * depth, critic: [value_width or width] * depth},
         "activation_fn": torch.nn.ELU,
         "features_extractor_class": features,
-        "features_extractor_kwargs": {"factor": zoom},
+        "features_extractor_kwargs": {"factor": observation_scale},
     }
 
 
 def act(model: PPO, observations: torch.Tensor) -> torch.Tensor:
-    """Return the actor's outputs (n, 2) for observations (n, 19), yet to be clipped, differentiably."""
+    """Return the actor's differentiable, unclipped outputs (n, 2) for observations (n, 19)."""
     policy: Any = model.policy
     return policy.action_net(policy.mlp_extractor.forward_actor(policy.pi_features_extractor(observations)))
 
 
 def actor_parameters(model: PPO) -> list[torch.nn.Parameter]:
-    """Return the weights of the actor."""
+    """Return the parameters of the actor."""
     policy: Any = model.policy
     return [*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters()]

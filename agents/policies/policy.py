@@ -1,4 +1,4 @@
-"""TODO agents/policies/policy.py."""
+"""The policy protocol: Stable-Baselines3's `predict`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 class Policy(Protocol):
-    """Anything with Stable-Baselines3's `predict`; recurrent and stateful policies included."""
+    """Any object with Stable-Baselines3's `predict`, recurrent and stateful policies included."""
 
     def predict(
         self,
@@ -18,11 +18,11 @@ class Policy(Protocol):
         episode_start: NDArray[np.bool_] | None = None,
         deterministic: bool = False,
     ) -> tuple[Any, Any]:
-        """Return actions (n, 2) for observations (n, 19), and what the policy wants handed back as `state`.
+        """Return actions (n, 2) for observations (n, 19), and the `state` for the next call.
 
         Args:
             observation: float32, shape (n, 19).
-            state: what the last call returned; None at first.
-            episode_start: which flights begin with these observations, shape (n,).
-            deterministic: whether nothing is to be drawn.
+            state: the state that the previous call returned; None at first.
+            episode_start: which episodes begin with these observations, shape (n,).
+            deterministic: whether to return the mean action instead of a sample.
         """

@@ -1,10 +1,9 @@
-"""Start states for training: flown backwards from the goal.
+"""Start states for training, simulated backwards from the goal.
 
-An agent that always begins at the start never meets the goal and learns nothing. The exact step
-runs backwards in time as well as forwards, so states from which the goal can be reached quickly
-are drawn by leaving it backwards under random, mostly extreme controls (a time-optimal flight has
-bang-bang thrust and bang-singular rate). A hoop crossed on the way counts as not yet passed. This
-needs neither demonstrations nor a planner.
+A policy that always starts at the scenario's start never reaches the goal and does not learn. The exact step is
+invertible in time. States from which the goal is reached quickly are therefore sampled by simulating backwards from
+the goal under random, mostly extreme controls (a time-optimal flight has bang-bang thrust and bang-singular rate). A
+hoop crossed on the way counts as not yet passed. This needs neither demonstrations nor a planner.
 """
 
 from __future__ import annotations
@@ -18,9 +17,9 @@ from flatgym.scenarios.scenario import Hoop, Scenario
 from flatgym.task.scene import Integers
 
 SPREAD = np.array([2.0, 2.0, 3.0, 3.0, 1.0])
-"""Standard deviations of the states drawn around the goal [m, m, m/s, m/s, rad]."""
+"""Standard deviations of the states sampled around the goal [m, m, m/s, m/s, rad]."""
 HOLD_TIME = 0.15
-"""Mean time a control is held on the way back [s]."""
+"""Mean time for which a control is held [s]."""
 
 
 def backward_starts(
@@ -32,17 +31,15 @@ def backward_starts(
     seed: int = 0,
     size: int = 40_000,
 ) -> Starts:
-    """Return a pool of start states for an environment.
+    """Return a pool of start states for an environment; states out of bounds are replaced by the scenario's start.
 
     Args:
         scenario: the task.
-        share: share of flights that begin at a state of the pool, not at the scenario's own start.
-        near: share of the pool drawn around the goal; the rest is flown backwards from it.
-        back_time: longest time flown backwards [s].
-        seed: of the pool.
+        share: share of episodes that start from the pool, not at the scenario's start.
+        near: share of the pool sampled around the goal; the rest is simulated backwards from it.
+        back_time: longest time of the backward simulation [s].
+        seed: seed of the pool.
         size: number of states in the pool.
-
-    A draw out of bounds is replaced by the scenario's own start.
     """
     generator, count = np.random.default_rng(seed), round(size * near)
     around = scenario.goal_state + generator.normal(size=(count, 5)) * SPREAD * generator.random((count, 1))
@@ -58,13 +55,13 @@ def backward_starts(
 def fly_back(generator: np.random.Generator, scenario: Scenario, time: Array) -> tuple[Array, Integers]:
     """Return states (n, 5) from which random controls reach the goal in `time` [s], shape (n,), and hoops passed (n,).
 
-    Thrust is more often full than not; both controls are extreme two times out of three.
+    Each control is at a limit with probability 0.7, else uniform. Thrust is then set to full with probability 0.6.
     """
     count, quadrotor = len(time), scenario.quadrotor
     state, passed = np.tile(scenario.goal_state, (count, 1)), np.full(count, len(scenario.hoops))
-    left = time.copy()
-    while (left > 0).any():
-        h = np.minimum(left, generator.exponential(HOLD_TIME, count))
+    remaining = time.copy()
+    while (remaining > 0).any():
+        h = np.minimum(remaining, generator.exponential(HOLD_TIME, count))
         sign = np.where(generator.random((count, 2)) < 0.5, -1.0, 1.0)
         size = np.where(generator.random((count, 2)) < 0.3, generator.random((count, 2)), 1.0)
         action = sign * size
@@ -72,12 +69,12 @@ def fly_back(generator: np.random.Generator, scenario: Scenario, time: Array) ->
         before = quadrotor.step(state, quadrotor.control(action), -h)
         for i in reversed(range(len(scenario.hoops))):
             passed -= (passed == i + 1) & _crosses(scenario.hoops[i], before[:, 0:2], state[:, 0:2])
-        state, left = before, left - h
+        state, remaining = before, remaining - h
     return state, passed
 
 
 def _crosses(hoop: Hoop, here: Array, there: Array) -> NDArray[np.bool_]:
-    """Return whether the chords from here to there, shapes (n, 2), pass the hoop; close enough for a start."""
+    """Return whether chords from here to there, shapes (n, 2), pass the hoop; exact arcs are not needed for starts."""
     before, after = (here - hoop.centre) @ hoop.direction, (there - hoop.centre) @ hoop.direction
     through = (before < 0) & (after >= 0)
     share = np.where(through, before / np.where(through, before - after, 1.0), 0.0)

@@ -1,8 +1,8 @@
-"""Where a training stands, on disk, so that one which was killed ends as if it had not been.
+"""Training checkpoints: an interrupted run resumes and ends with identical results.
 
-A training is a row of chapters. Each begins with random numbers seeded by its number and with all
-flights anew, so neither the state of generators nor that of flights needs to be kept: networks, optimizers,
-replay buffer and `Progress` are all. The file holds tensors and plain values; reading it executes nothing.
+A training is a sequence of segments. Each segment seeds its random numbers by its index and resets all episodes. A
+checkpoint therefore needs only networks, optimizers, replay buffer and `Progress`, not the state of generators and
+episodes. The file holds tensors and plain values; reading it executes nothing.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
 
-from agents.evaluation.checks import VALIDATION_SEED
+from agents.evaluation.validation import VALIDATION_SEED
 from agents.training.configs import Config
 from agents.training.progress import Progress
 from flatgym.files import write_whole
 
 SCHEMA = 1
-"""Version of the file; another is refused."""
-FREE = ("max_seconds", "folder", "tensorboard")
-"""Fields in which a configuration may differ from that of the checkpoint it goes on from."""
+"""Version of the file format; other versions are refused."""
+MAY_DIFFER = ("max_seconds", "folder", "tensorboard")
+"""Fields in which a configuration may differ from that of the checkpoint."""
 REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 """Arrays of a replay buffer."""
 
 
 def checkpoint_file(config: Config) -> Path:
-    """Return the file that holds where a training stands."""
+    """Return the checkpoint file of a training."""
     return Path(config.folder) / "checkpoint.pt"
 
 
-def chapter_seed(config: Config, chapter: int) -> int:
-    """Return the seed of a chapter's random numbers and of its first flight, well below those of checks."""
-    return int(np.random.default_rng([config.seed, chapter]).integers(VALIDATION_SEED // 2))
+def segment_seed(config: Config, segment: int) -> int:
+    """Return the seed of a segment's random numbers and first episode, below half of VALIDATION_SEED."""
+    return int(np.random.default_rng([config.seed, segment]).integers(VALIDATION_SEED // 2))
 
 
 def write(config: Config, model: BaseAlgorithm, progress: Progress) -> None:
-    """Write where a training stands, whole or not at all; an OSError names the file."""
+    """Write a checkpoint atomically; an OSError names the file."""
     content = {
         "schema": SCHEMA,
         "config": config.to_json(),
@@ -57,17 +57,16 @@ def write(config: Config, model: BaseAlgorithm, progress: Progress) -> None:
     path = checkpoint_file(config)
     try:
         write_whole(path, lambda temporary: torch.save(content, temporary))
-    except (OSError, RuntimeError) as error:  # torch has its own word for a full disk
-        raise OSError(f"{path} could not be written, and the checkpoint before is intact: {error}") from error
+    except (OSError, RuntimeError) as error:  # torch raises a RuntimeError on a full disk
+        raise OSError(f"{path} could not be written; the previous checkpoint is intact: {error}") from error
 
 
 def restore(config: Config, model: BaseAlgorithm) -> Progress:
-    """Bring an untrained model to where the checkpoint in the configuration's folder stands.
+    """Load the checkpoint in the configuration's folder into an untrained model, and return its progress.
 
     Raises:
-        ValueError: for a damaged file, another version, and a configuration that differs; names the file, says the
-            way out.
-        FileNotFoundError: where there is none.
+        ValueError: for a damaged file, another version, or a different configuration; names the file and the remedy.
+        FileNotFoundError: if there is no checkpoint.
     """
     path = checkpoint_file(config)
     content = _read(path)
@@ -87,7 +86,7 @@ def restore(config: Config, model: BaseAlgorithm) -> Progress:
 
 def _read(path: Path) -> dict[str, Any]:
     if not path.exists():
-        raise FileNotFoundError(f"{path} does not exist: there is nothing to go on from")
+        raise FileNotFoundError(f"{path} does not exist; there is no training to resume")
     try:
         with zipfile.ZipFile(path) as file:
             if (broken := file.testzip()) is not None:
@@ -102,19 +101,17 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _damaged(path: Path, why: object) -> ValueError:
     return ValueError(
-        f"{path} cannot be read as a checkpoint: {why}; put a copy of it there, or delete it, which begins the "
-        f"training anew; the best policy so far is {path.with_name('model.zip')}"
+        f"{path} cannot be read as a checkpoint: {why}; restore a copy of it, or delete it to start the "
+        f"training over; the best policy so far is {path.with_name('model.zip')}"
     )
 
 
 def _check_config(path: Path, text: str, config: Config) -> None:
     was, wanted = json.loads(text), json.loads(config.to_json())
-    differ = [name for name in wanted if name not in FREE and was.get(name) != wanted[name]]
+    differ = [name for name in wanted if name not in MAY_DIFFER and was.get(name) != wanted[name]]
     if differ:
-        told = ", ".join(f"{name} = {was.get(name)!r}, not {wanted[name]!r}" for name in differ)
-        raise ValueError(
-            f"{path} was written with {told}; ask for the same, or train in another folder, or without resume"
-        )
+        changes = ", ".join(f"{name} = {was.get(name)!r}, not {wanted[name]!r}" for name in differ)
+        raise ValueError(f"{path} was written with {changes}; use the same values, another folder, or no resume")
 
 
 def _entropy(model: BaseAlgorithm) -> torch.Tensor | None:
@@ -123,7 +120,7 @@ def _entropy(model: BaseAlgorithm) -> torch.Tensor | None:
 
 
 def _replay(model: BaseAlgorithm) -> dict[str, Any]:
-    """Return the filled part of the replay buffer, as tensors; nothing for a model without one."""
+    """Return the filled part of the replay buffer as tensors; empty for a model without one."""
     buffer: ReplayBuffer | None = getattr(model, "replay_buffer", None)
     if buffer is None:
         return {}

@@ -1,4 +1,4 @@
-"""What a training depends on: one flat dataclass for each algorithm, a sentence for each field.
+"""Training configurations: one flat dataclass for each algorithm, with a sentence for each field.
 
 PPOConfig(scenario="hoop", seed=1);  config.to_json();  from_json(text)
 """
@@ -11,32 +11,32 @@ from typing import Any, ClassVar
 
 from agents.training.fields import Checked, Count, Factor, Natural, NonNegative, Positive, Real, Seed, Share
 
-TIGHT = 0.4
-"""Share of the steps after which the tolerance is the true one."""
+TOLERANCE_SHARE = 0.4
+"""Share of the training after which the tolerance is the true one."""
 
 
 @dataclass(frozen=True)
 class Config(Checked):
-    """What all algorithms have in common."""
+    """Fields that all algorithms share."""
 
     algorithm: ClassVar[str] = ""
     """Name of the algorithm."""
     rollout_field: ClassVar[str] = "train_freq"
-    """Field that holds the steps of each vehicle between two updates."""
+    """Field with the steps of each vehicle between two updates."""
 
     seed: Seed = 0
-    """Seed of starts, network and exploration."""
+    """Seed of start states, initial weights and exploration."""
     max_seconds: Positive = 250.0
-    """Wall time after which training stops [s]; on a machine so slow that this would come first, the schedules
-    run over it instead of over `env_steps`."""
+    """Wall time after which training stops [s]. On a machine too slow for `env_steps` in this time, the schedules run
+    over the wall time instead."""
     env_steps: Count = 5_000_000
-    """Environment steps over which all schedules run, and after which training stops."""
+    """Environment steps after which training stops; all schedules run over them."""
     folder: str = "runs"
-    """Where model, configuration, learning curve and checkpoint are written."""
+    """Folder of model, configuration, learning curve and checkpoint."""
     num_envs: Count = 256
-    """Vehicles flown at once."""
+    """Vehicles simulated in parallel."""
     batch_size: Count = 4096
-    """Size of a minibatch."""
+    """Rows of a minibatch."""
     width: Count = 64
     """Units of each hidden layer of the actor."""
     depth: Count = 2
@@ -44,42 +44,42 @@ class Config(Checked):
     value_width: Natural = 0
     """Units of each hidden layer of the critic; 0 for as many as the actor's."""
     observation_scale: Positive = 3.0
-    """Factor on all observations but the attitude, before the network."""
+    """Scale of all observations except the attitude at the input of the network."""
     guidance: bool = False
-    """Whether the network sees what guidance laws steer by as well, and not the time; see `agents.policies.guidance`."""
+    """Whether guidance features replace the time in the observations; see `agents.policies.guidance`."""
     learning_rate: Positive = 1e-3
-    """Learning rate, of the first update where it changes."""
+    """Learning rate, initial if it is adapted."""
     gamma: Share = 0.98
-    """Discount at the beginning."""
+    """Initial discount."""
     gamma_end: Share = 0.995
-    """Discount after three fifths of the steps."""
+    """Discount after three fifths of the training."""
     policy: str = ""
-    """A policy to start from, its network as it is: a zip, trusted to be your own, or the name of a pretrained one."""
+    """Policy to start from, network included: a zip that you trust, or the name of a pretrained policy."""
     tolerance: Factor = 3.0
-    """Factor on the tolerance at the beginning, falling to 1 by TIGHT of the steps."""
+    """Initial factor on the tolerance; it falls to 1 by TOLERANCE_SHARE of the training."""
     pool_share: Share = 0.8
-    """Share of flights that begin elsewhere than at the start, until the tolerance is the true one; those of a
-    distribution begin at the start always."""
+    """Share of episodes that start from the pool of start states until the tolerance is the true one; distributions
+    have no pool."""
     pool_share_end: Share = 0.1
-    """The same share at the end."""
+    """The same share at the end of the training."""
     pool_near_share: Share = 0.125
-    """Share of these that begin around the goal; the others at states flown backwards from it."""
+    """Share of the pool sampled around the goal; the rest is simulated backwards from the goal."""
     max_back_time: Positive = 1.0
-    """Longest time flown backwards [s]."""
+    """Longest time of the backward simulation [s]."""
     pool_expert_share: Share = 0.0
-    """Share of these that begin on a flight in K* steps instead: first close to the goal, anywhere on it by TIGHT of
-    the steps."""
+    """Share of the pool replaced by states of an optimal (K*) episode: near the goal at first, anywhere on it by
+    TOLERANCE_SHARE of the training."""
     failure_cost: NonNegative = 0.5
-    """What a failed flight costs in training [s]; the environment's own charge, the rest of the time
-    limit, frightens a beginner away from the goal."""
+    """Cost of a failed episode in training [s]. The environment charges the remaining time limit, which deters an
+    untrained policy from the goal."""
     eval_every: Count = 5
-    """Rollouts between two checks of the deterministic policy."""
+    """Rollouts between two validations of the deterministic policy."""
     n_eval_episodes: Count = 64
-    """Flights of a check on a distribution, the same each time; on a scenario one tells all."""
+    """Validation episodes on a distribution, the same each time; a scenario needs one, because it is deterministic."""
     checkpoint_every: Count = 50
-    """Rollouts between two checkpoints; all flights begin anew then, with or without a resume."""
+    """Rollouts between two checkpoints (a segment); each segment resets all episodes."""
     tensorboard: bool = False
-    """Whether to write TensorBoard's files too."""
+    """Whether to write TensorBoard files."""
 
     @property
     def rollout_steps(self) -> int:
@@ -87,13 +87,13 @@ class Config(Checked):
         return int(getattr(self, self.rollout_field))
 
     def to_json(self) -> str:
-        """Return the configuration as a JSON text that `from_json` reads."""
+        """Return the configuration as JSON text; `from_json` is the inverse."""
         return json.dumps({"algorithm": self.algorithm, **asdict(self)}, indent=1)
 
 
 @dataclass(frozen=True)
 class PPOConfig(Config):
-    """Proximal policy optimisation (Schulman et al. 2017), its learning rate led by the divergence of the updates."""
+    """Proximal policy optimisation (Schulman et al. 2017), its learning rate adapted to a target divergence."""
 
     algorithm: ClassVar[str] = "PPO"
     rollout_field: ClassVar[str] = "n_steps"
@@ -102,27 +102,27 @@ class PPOConfig(Config):
     n_steps: Count = 64
     """Steps of each vehicle between two updates (a rollout)."""
     n_epochs: Count = 6
-    """Passes over a rollout."""
+    """Epochs over a rollout."""
     log_std_init: Real = -0.7
-    """Logarithm of the exploration's standard deviation at the beginning."""
+    """Initial logarithm of the exploration's standard deviation."""
     learning_rate_max: Positive = 2e-2
     """Largest learning rate."""
     target_kl: Positive = 0.03
-    """Wanted Kullback-Leibler divergence of an update at the beginning, falling linearly."""
+    """Initial target of the Kullback-Leibler divergence of an update; it falls linearly."""
     target_kl_end: Share = 0.02
-    """Share of it that is wanted at the end."""
+    """Share of the initial target at the end of the training."""
     gae_lambda: Share = 0.95
     """Lambda of generalised advantage estimation."""
     value_warmup: Natural = 10
-    """First rollouts from which only the critic learns, so as not to spoil the policy one starts from; none without."""
+    """Initial rollouts that train the critic only, to preserve the policy to start from; without one, none."""
 
 
 @dataclass(frozen=True)
 class OffPolicyConfig(Config):
-    """What the algorithms with a replay buffer have in common.
+    """Fields that the algorithms with a replay buffer share.
 
-    What is in the buffer was judged by the tolerance of its time, so the buffer is short enough to have forgotten the
-    easier ones when two thirds of the steps are over.
+    Rewards in the buffer belong to the tolerance at their time. The buffer is short enough to drop those of wider
+    tolerances by two thirds of the training.
     """
 
     max_seconds: Positive = 900.0
@@ -136,22 +136,22 @@ class OffPolicyConfig(Config):
     gradient_steps: Count = 8
     """Gradient steps after a rollout."""
     buffer_size: Count = 120_000
-    """Steps that the replay buffer holds."""
+    """Capacity of the replay buffer [steps]."""
     learning_starts: Natural = 10_000
-    """Environment steps flown at random before learning begins; none where there is a policy to start from."""
+    """Random environment steps before the first update; none with a policy to start from."""
     tau: Share = 0.005
-    """Share by which the target network follows the critic at each gradient step."""
+    """Soft update coefficient of the target network."""
 
 
 @dataclass(frozen=True)
 class SACConfig(OffPolicyConfig):
-    """Soft actor-critic (Haarnoja et al. 2018), its entropy coefficient learned."""
+    """Soft actor-critic (Haarnoja et al. 2018) with a learned entropy coefficient."""
 
     algorithm: ClassVar[str] = "SAC"
 
     folder: str = "runs/sac"
     ent_coef: Positive = 0.01
-    """Entropy coefficient at the beginning."""
+    """Initial entropy coefficient."""
 
 
 @dataclass(frozen=True)
@@ -162,29 +162,29 @@ class TD3Config(OffPolicyConfig):
 
     folder: str = "runs/td3"
     action_noise_std: NonNegative = 0.2
-    """Standard deviation of the exploration's noise on the action."""
+    """Standard deviation of the exploration noise on the action."""
 
 
 @dataclass(frozen=True)
 class TQCConfig(SACConfig):
-    """Truncated quantile critics (Kuznetsov et al. 2020): SAC on quantiles of the return, the highest cut off."""
+    """Truncated quantile critics (Kuznetsov et al. 2020): SAC on quantiles of the return, the highest dropped."""
 
     algorithm: ClassVar[str] = "TQC"
 
     folder: str = "runs/tqc"
     top_quantiles_to_drop_per_net: Natural = 2
-    """Quantiles cut off from each critic."""
+    """Quantiles dropped from each critic."""
 
 
 CONFIGS: dict[str, type[Config]] = {kind.algorithm: kind for kind in (PPOConfig, SACConfig, TD3Config, TQCConfig)}
-"""The configurations by the name of their algorithm."""
+"""Configuration class of each algorithm."""
 
 
 def config_of(algorithm: str, **values: Any) -> Config:
-    """Return the configuration of an algorithm, by its name in any letters.
+    """Return the configuration of an algorithm; the name is case-insensitive.
 
     Raises:
-        ValueError: for an unknown algorithm or field, listing the known ones, and for a bad value.
+        ValueError: for an unknown algorithm or field, listing the known ones, and for an invalid value.
     """
     kind = CONFIGS.get(algorithm.upper())
     if kind is None:
@@ -196,10 +196,10 @@ def config_of(algorithm: str, **values: Any) -> Config:
 
 
 def from_json(text: str) -> Config:
-    """Return what `Config.to_json` wrote; fields that are missing have their defaults.
+    """Return the configuration that `Config.to_json` wrote; missing fields take their defaults.
 
     Raises:
-        ValueError: for what is no JSON object with an "algorithm", for unknown fields and bad values.
+        ValueError: for text that is not a JSON object with an "algorithm", for unknown fields and invalid values.
     """
     try:
         values = json.loads(text)

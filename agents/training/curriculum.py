@@ -1,7 +1,7 @@
-"""What is made easier at first: the goal is wider, the flights begin nearer to it, to fail costs little.
+"""Curriculum: early in training the tolerance is larger, episodes start near the goal, and failure costs less.
 
-`done` is the share of the training that is over, in [0, 1]; all is a function of it, so that a training
-can be taken up anywhere.
+Every quantity is a function of `done`, the completed share of the training in [0, 1]. A training can therefore resume
+at any point.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from flatgym.task.rollout import fly_actions
 from optimal.discrete.fewest_steps import fewest_steps
 
 NEAREST_SHARE = 0.2
-"""Share of a demonstrated flight, back from the goal, on which training begins at first."""
+"""Share of the expert's flight, counted back from the goal, from which episodes start at first."""
 
 
 class FixedFailureCost(VecEnvWrapper):
-    """Charges a fixed price for a failed flight instead of the environment's own."""
+    """Charges a fixed cost for a failed episode instead of the environment's own."""
 
     def __init__(self, venv: Any, price: float) -> None:
         super().__init__(venv)
         self.price = price
 
     def reset(self) -> Any:
-        """Start all flights anew."""
+        """Reset all episodes."""
         return self.venv.reset()
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Fly one step; a failed flight is one that ended neither at the goal nor with the clock."""
+        """Step once; an episode fails if it ends neither at the goal nor at the time limit."""
         observations, rewards, dones, infos = self.venv.step_wait()
         for i in np.flatnonzero(dones):
             if infos[i]["outcome"] not in ("goal", "time-limit"):
@@ -47,7 +47,7 @@ class FixedFailureCost(VecEnvWrapper):
 
 
 class Curriculum:
-    """What the environments of a training are to be at each time of it."""
+    """Tolerance and start states of the training environments as functions of `done`."""
 
     def __init__(self, config: Config) -> None:
         self.config, self.problem = config, catalogue.problem(config.scenario)
@@ -66,17 +66,17 @@ class Curriculum:
             self.flight = expert_flight(self.problem)
 
     def tolerance(self, done: float) -> Tolerance:
-        """Return what counts as arrived: the true tolerance, widened by a factor that falls to 1 by TIGHT."""
+        """Return the goal tolerance: the true one times a factor that falls to 1 by TOLERANCE_SHARE."""
         factor, true = 1 + (self.config.tolerance - 1) * max(0.0, 1 - done / TOLERANCE_SHARE), self.problem.tolerance
         return Tolerance(true.position * factor, true.speed * factor, true.angle * factor)
 
     def share(self, done: float) -> float:
-        """Return the share of flights that begin in the pool of starts."""
+        """Return the share of episodes that start from the pool."""
         first, last = self.config.pool_share, self.config.pool_share_end
         return first + (last - first) * max(0.0, (done - TOLERANCE_SHARE) / (1 - TOLERANCE_SHARE))
 
     def starts(self, done: float) -> Starts | None:
-        """Return the pool of starts: a share of it on the demonstrated flight, ever farther from the goal."""
+        """Return the pool of start states; a share of it lies on the expert's flight, ever farther from the goal."""
         if self.pool is None or self.flight is None:
             return self.pool
         generator = np.random.default_rng(self.config.seed)
@@ -89,7 +89,7 @@ class Curriculum:
         return Starts(state, passed, self.share(done))
 
     def apply(self, envs: VecEnv, done: float) -> None:
-        """Make the environments what they are to be at this time, from the next step and the next flight on."""
+        """Set tolerance and start states of the environments, from the next step and the next episode on."""
         envs.env_method("set_tolerance", self.tolerance(done))
         if (starts := self.starts(done)) is None:
             return
@@ -100,12 +100,12 @@ class Curriculum:
 
 @lru_cache(maxsize=1)
 def curriculum(config: Config) -> Curriculum:
-    """Return the curriculum of a training; drawing the starts takes a moment, so the last one is kept."""
+    """Return the curriculum of a training; the last one is cached, because sampling the pool takes a moment."""
     return Curriculum(config)
 
 
 def expert_flight(problem: Scenario) -> Starts:
-    """Return the states of a flight in K* steps before its last, with the hoops passed by then."""
+    """Return the states of an optimal (K*) episode before its last step, with the hoops passed."""
     known = reference(problem)
     actions = fewest_steps(problem).actions if known is None else known.actions
     situations = fly_actions(problem, actions)[:-1]

@@ -1,32 +1,83 @@
-"""TODO agents/training/fields.py."""
+"""Checked field types for configurations: a type and the check of its values, as `Annotated` metadata.
+
+    @dataclass(frozen=True)
+    class MyConfig(Checked):
+        seed: Seed = 0
+
+A check takes the owner's name, the field's name and a value. It returns the value as it is to be stored, or raises a
+ValueError.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, TypeAlias
+from functools import lru_cache
+from typing import Annotated, Any, TypeAlias, get_args, get_origin, get_type_hints
 
 from flatgym.scenarios import catalogue
 from flatgym.validation import MAGNITUDE, nonnegative, number, positive, whole
 
-MOST = 2**62
+MAX_INT = 2**62
 """Greatest whole number of a field."""
+Check: TypeAlias = Callable[[str, str, Any], Any]
+"""Takes owner, name and value; returns the value to store."""
 
-Seed: TypeAlias = int
-"""A whole number in 0..2^32 - 1, as NumPy wants it."""
-Natural: TypeAlias = int
+
+@dataclass(frozen=True)
+class Whole:
+    """Check for whole numbers in low..high."""
+
+    low: int
+    high: int = MAX_INT
+
+    def __call__(self, owner: str, name: str, value: Any) -> int:
+        """Return the value, or raise a ValueError."""
+        return whole(f"{owner}.{name}", value, self.low, self.high)
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Check for numbers in [low, high]."""
+
+    low: float
+    high: float = MAGNITUDE
+
+    def __call__(self, owner: str, name: str, value: Any) -> float:
+        """Return the value as a float, or raise a ValueError."""
+        if not self.low <= number(owner, name, value) <= self.high:
+            raise ValueError(f"{owner}.{name} must lie in {self.low:g}..{self.high:g}, got {value!r}")
+        return float(value)
+
+
+@dataclass(frozen=True)
+class Instance:
+    """Check for instances of a type; used for fields without metadata."""
+
+    kind: type
+
+    def __call__(self, owner: str, name: str, value: Any) -> Any:
+        """Return the value, or raise a ValueError."""
+        if not isinstance(value, self.kind):
+            raise ValueError(f"{owner}.{name} must be a {self.kind.__name__}, got {value!r}")
+        return value
+
+
+Seed = Annotated[int, Whole(0, 2**32 - 1)]
+"""A whole number in 0..2^32 - 1, the seeds NumPy accepts."""
+Natural = Annotated[int, Whole(0)]
 """A whole number, 0 or greater."""
-Count: TypeAlias = int
+Count = Annotated[int, Whole(1)]
 """A whole number, 1 or greater."""
-Real: TypeAlias = float
+Real = Annotated[float, number]
 """A finite number."""
-Positive: TypeAlias = float
+Positive = Annotated[float, positive]
 """A number above 0."""
-NonNegative: TypeAlias = float
+NonNegative = Annotated[float, nonnegative]
 """A number, 0 or greater."""
-Share: TypeAlias = float
+Share = Annotated[float, Interval(0.0, 1.0)]
 """A number in [0, 1]."""
-Factor: TypeAlias = float
+Factor = Annotated[float, Interval(1.0)]
 """A number, 1 or greater."""
 
 
@@ -35,47 +86,28 @@ class Checked:
     """A configuration whose fields are checked by their types.
 
     Raises:
-        ValueError: naming the field, its value and what is allowed.
+        ValueError: naming the field, its value and the allowed values.
     """
 
     scenario: str = "hoop"
     """Name of the scenario or distribution."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = KINDS[str(field.type)](type(self).__name__, field.name, getattr(self, field.name))
-            object.__setattr__(self, field.name, value)
+        for name, check in checks(type(self)).items():
+            object.__setattr__(self, name, check(type(self).__name__, name, getattr(self, name)))
         catalogue.problem(self.scenario)
 
 
-def _within(low: float, high: float) -> Callable[[str, str, Any], float]:
-    def check(owner: str, name: str, value: Any) -> float:
-        if not low <= number(owner, name, value) <= high:
-            raise ValueError(f"{owner}.{name} must lie in {low:g}..{high:g}, got {value!r}")
-        return float(value)
-
-    return check
+@lru_cache
+def checks(kind: type[Checked]) -> dict[str, Check]:
+    """Return the check of each field of a configuration class."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {field.name: _check(hints[field.name]) for field in fields(kind)}
 
 
-def _instance(kind: type) -> Callable[[str, str, Any], Any]:
-    def check(owner: str, name: str, value: Any) -> Any:
-        if not isinstance(value, kind):
-            raise ValueError(f"{owner}.{name} must be a {kind.__name__}, got {value!r}")
-        return value
-
-    return check
-
-
-KINDS: dict[str, Callable[[str, str, Any], Any]] = {
-    "str": _instance(str),
-    "bool": _instance(bool),
-    "Seed": lambda owner, name, value: whole(f"{owner}.{name}", value, 0, 2**32 - 1),
-    "Natural": lambda owner, name, value: whole(f"{owner}.{name}", value, 0, MOST),
-    "Count": lambda owner, name, value: whole(f"{owner}.{name}", value, 1, MOST),
-    "Real": number,
-    "Positive": positive,
-    "NonNegative": nonnegative,
-    "Share": _within(0.0, 1.0),
-    "Factor": _within(1.0, MAGNITUDE),
-}
-"""How a field of each type is checked; each returns the value as it is to be stored."""
+def _check(hint: Any) -> Check:
+    """Return the check in a type's metadata, or an instance check for a plain type."""
+    if get_origin(hint) is Annotated:
+        check: Check = get_args(hint)[1]
+        return check
+    return Instance(hint)

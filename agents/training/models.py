@@ -1,4 +1,7 @@
-"""TODO agents/training/models.py."""
+"""Models: the Stable-Baselines3 model of a configuration, with its environments.
+
+build(PPOConfig(scenario="hoop")).learn(100_000)
+"""
 
 from __future__ import annotations
 
@@ -27,21 +30,19 @@ def build(config: PPOConfig) -> PPO: ...
 @overload
 def build(config: Config) -> BaseAlgorithm: ...
 def build(config: Config) -> BaseAlgorithm:
-    """Return an untrained model with its environments, or with the network of the policy to start from.
+    """Return a model with its environments: untrained, or with the network of the configured policy.
 
     Raises:
-        ValueError: where the policy to start from is not found, or is another algorithm's.
+        ValueError: if the policy to start from is not found or belongs to another algorithm.
     """
     start = starting_policy(config)
     kind: Callable[..., BaseAlgorithm] = archive.algorithm(config.algorithm)
     if start is not None:
         arguments = dict(start.policy_kwargs)
     else:
-        critic, seen = (
-            "vf" if isinstance(config, PPOConfig) else "qf",
-            Guidance if config.guidance else ScaledObservations,
-        )
-        arguments = network(critic, config.width, config.depth, config.value_width, config.observation_scale, seen)
+        critic = "vf" if isinstance(config, PPOConfig) else "qf"
+        features = Guidance if config.guidance else ScaledObservations
+        arguments = network(critic, config.width, config.depth, config.value_width, config.observation_scale, features)
     if isinstance(config, PPOConfig):
         arguments["log_std_init"] = config.log_std_init
     model = kind(
@@ -63,7 +64,7 @@ def build(config: Config) -> BaseAlgorithm:
 
 
 def environments(config: Config) -> VecEnv:
-    """Return the environments of a training, in which to fail costs little."""
+    """Return the training environments, with the fixed cost of failure."""
     starts = curriculum(config).starts(0.0)
     return FixedFailureCost(
         make_vec_env(config.scenario, config.num_envs, starts=starts, seed=config.seed), config.failure_cost
@@ -71,7 +72,7 @@ def environments(config: Config) -> VecEnv:
 
 
 def starting_policy(config: Config) -> BaseAlgorithm | None:
-    """Return the policy that training starts from, None for none."""
+    """Return the policy to start from, None if there is none."""
     if not config.policy:
         return None
     if config.policy in policies.names():
@@ -85,13 +86,13 @@ def starting_policy(config: Config) -> BaseAlgorithm | None:
         )
     if type(found).__name__ != config.algorithm:
         raise ValueError(
-            f"{config.policy} is a policy of {type(found).__name__}, from which {config.algorithm} cannot start"
+            f"{config.policy} is a policy of {type(found).__name__}; {config.algorithm} cannot start from it"
         )
     return found
 
 
 def _own_arguments(config: Config) -> dict[str, Any]:
-    """Return the arguments that only this algorithm takes."""
+    """Return the arguments specific to the algorithm."""
     if isinstance(config, PPOConfig):
         return {"n_steps": config.n_steps, "n_epochs": config.n_epochs, "gae_lambda": config.gae_lambda}
     assert isinstance(config, OffPolicyConfig)

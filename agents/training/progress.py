@@ -1,4 +1,4 @@
-"""TODO agents/training/progress.py."""
+"""Progress of a training: the state that is carried from rollout to rollout, and the files of its folder."""
 
 from __future__ import annotations
 
@@ -6,49 +6,48 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from agents.evaluation.checks import Point, rank
+from agents.evaluation.validation import Point, best_of
 from agents.training.configs import Config
 
 
 @dataclass
 class Progress:
-    """How far a training is.
+    """State of a training besides the model; a checkpoint stores it.
 
     Attributes:
-        chapter: checkpoints passed.
-        rollouts: rollouts flown.
-        rate: present learning rate.
-        divergence: Kullback-Leibler divergence of the last update; 0 where it is not known.
-        seconds: wall time of training until this session [s].
-        curve: one point a check.
+        segment: completed segments, each of which ends with a checkpoint.
+        rollouts: completed rollouts.
+        learning_rate: current learning rate.
+        approx_kl: approximate Kullback-Leibler divergence of the last update; 0 if unknown.
+        seconds: wall time of the previous sessions [s].
+        curve: the learning curve, one point a validation.
     """
 
-    chapter: int = 0
+    segment: int = 0
     rollouts: int = 0
-    rate: float = 0.0
-    divergence: float = 0.0
+    learning_rate: float = 0.0
+    approx_kl: float = 0.0
     seconds: float = 0.0
     curve: list[Point] = field(default_factory=list)
 
     @property
     def best(self) -> Point | None:
-        """The first of the best points of the curve, None where no flight succeeded yet."""
-        best = max(self.curve, key=rank, default=None)
-        return best if best and best["success_rate"] > 0 else None
+        """The best point of the curve, None if no episode succeeded yet."""
+        return best_of(self.curve)
 
 
 def curve_file(config: Config) -> Path:
-    """Return the file to which a training appends its learning curve, one JSON object a line."""
+    """Return the file of the learning curve, one JSON object a line."""
     return Path(config.folder) / "curve.jsonl"
 
 
 def model_file(config: Config) -> Path:
-    """Return the file in which a training keeps its best policy."""
+    """Return the file of the best policy."""
     return Path(config.folder) / "model.zip"
 
 
 def read_curve(config: Config) -> list[Point]:
-    """Return the learning curve so far, also of a training that is still running."""
+    """Return the learning curve so far; the training may still be running."""
     try:
         lines = curve_file(config).read_text(encoding="utf-8").splitlines(keepends=True)
     except FileNotFoundError:

@@ -1,12 +1,12 @@
-"""Train on one scenario or on a distribution: a flat configuration in, the best policy and its learning curve out.
-
-What makes it learn (plain resets learn nothing): starts flown backwards from the goal, a tolerance
-that tightens to the true one, a discount that rises, and, with PPO, a learning rate that follows a wanted
-Kullback-Leibler divergence between updates. Now and then the deterministic policy flies the true problem;
-the policy that succeeded most often, and then in fewest steps, is the one that is kept.
+"""Train on a scenario or a distribution: a flat configuration in, the best policy and its learning curve out.
 
     train(PPOConfig(scenario="hoop", folder="runs/hoop"))                 # 73 steps after 5 million
-    train(PPOConfig(scenario="hoop", policy="cloned.zip", tolerance=1.0)) # from a policy that flies already
+    train(PPOConfig(scenario="hoop", policy="cloned.zip", tolerance=1.0)) # fine-tunes an existing policy
+
+Training from plain resets does not learn. It takes start states generated backwards from the goal, a tolerance that
+tightens to the true one, a discount that rises, and, for PPO, a learning rate adapted to a target Kullback-Leibler
+divergence of the updates. The deterministic policy is validated on the true problem from time to time. The policy with
+the highest success rate, and among these with the fewest steps, is stored.
 """
 
 from __future__ import annotations
@@ -23,33 +23,31 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 
 from agents import policies
-from agents.evaluation.checks import Point
+from agents.evaluation.validation import Point
 from agents.training import checkpoints
+from agents.training.callbacks import PPOCallback, TrainingCallback
 from agents.training.configs import Config, PPOConfig
 from agents.training.models import build
-from agents.training.progress import Progress, curve_file, model_file, read_curve
-from agents.training.schedules import PPOCallback, TrainingCallback
+from agents.training.progress import Progress, curve_file, model_file
 from flatgym.extras import require
 from flatgym.files import write_text
 from optimal.discrete.fewest_steps import FewestSteps
 
-__all__ = ["Training", "build", "load", "read_curve", "train"]
-
 EPISODES_LOGGED = 100
-"""Episodes between two rows of the log of an algorithm with a replay buffer."""
+"""Episodes between two log rows of an off-policy algorithm."""
 
 
 @dataclass(frozen=True)
 class Training:
-    """What a training gave.
+    """Result of a training.
 
     Attributes:
-        config: what it was asked.
-        model: file of the best policy, or of the last where none ever succeeded.
-        curve: one point a check: env_steps, wall_time_s, outcome (of most flights), success_rate, and steps, the mean
-            over the flights that succeeded, or over all where none did.
-        best: the point of the policy that was kept; None where none ever succeeded.
-        env_steps: environment steps flown.
+        config: its configuration.
+        model: file of the best policy, or of the last if none succeeded.
+        curve: one point a validation: env_steps, wall_time_s, outcome (the most frequent), success_rate, and steps,
+            the mean over the successful episodes, or over all if none succeeded.
+        best: the point of the stored policy; None if none succeeded.
+        env_steps: environment steps.
         wall_time_s: wall time [s].
     """
 
@@ -65,29 +63,29 @@ def train(
     config: Config,
     optimum: FewestSteps | int | None = None,
     resume: bool = False,
-    watch: Callable[[Point], Any] = lambda _: None,
+    on_validation: Callable[[Point], Any] = lambda _: None,
 ) -> Training:
-    """Train, and keep the best deterministic policy met on the way.
+    """Train, and store the best deterministic policy.
 
-    The same configuration gives the same policy, bit for bit and however often it was killed and resumed, unless it
-    is so slow that the clock must lead its schedules (`schedules.LATE`) or end it.
+    The same configuration gives the same policy bit for bit, with or without interruptions, unless the machine is so
+    slow that the clock leads the schedules (`callbacks.CLOCK_SLACK`) or ends the training.
 
     Args:
-        config: everything the training depends on. Its `policy`, where it is a file, is trusted as in `policies.load`.
-        optimum: K*, if known: training on a scenario stops when the policy flies in K* steps.
-        resume: go on from the checkpoint in `config.folder`, if there is one.
-        watch: is told each point of the learning curve.
+        config: everything the training depends on. A `policy` file is trusted as in `policies.load`.
+        optimum: K*, if known: training on a scenario stops when the policy needs K* steps.
+        resume: continue from the checkpoint in `config.folder`, if there is one.
+        on_validation: called with each point of the learning curve.
 
     Returns:
-        The model's file and the learning curve; `config.folder` holds both, the configuration, the checkpoint, and
+        The model's file and the learning curve. `config.folder` holds both, the configuration, the checkpoint, and
         the logs of Stable-Baselines3.
 
     Raises:
         ValueError: for a damaged checkpoint, or one of another configuration.
-        OSError: where something cannot be written; what was written before is intact.
+        OSError: if a file cannot be written; earlier files stay intact.
     """
     torch.set_num_threads(1)  # small networks: a second thread costs more than it gives
-    model, progress = build(config), Progress(rate=config.learning_rate)
+    model, progress = build(config), Progress(learning_rate=config.learning_rate)
     if resume and checkpoints.checkpoint_file(config).exists():
         progress = checkpoints.restore(config, model)
     else:
@@ -96,49 +94,44 @@ def train(
     write_text(curve_file(config), "".join(json.dumps(point) + "\n" for point in progress.curve))
     target = optimum.steps if isinstance(optimum, FewestSteps) else optimum
     kind = PPOCallback if isinstance(config, PPOConfig) else TrainingCallback
-    schedules = kind(config, -np.inf if target is None else target, progress, watch)
+    callback = kind(config, -np.inf if target is None else target, progress, on_validation)
     _set_logger(config, model)
     try:
-        _learn(model, schedules)
+        _learn(model, callback)
     finally:
         model.logger.close()
-    return Training(config, model_file(config), progress.curve, progress.best, model.num_timesteps, schedules.elapsed)
+    return Training(config, model_file(config), progress.curve, progress.best, model.num_timesteps, callback.elapsed)
 
 
 def _set_logger(config: Config, model: BaseAlgorithm) -> None:
-    """Log as SB3 does, each session of a training in a folder of its own."""
+    """Set up SB3's logger, with a folder for each session."""
     if config.tensorboard:
         require("tensorboard", "tensorboard")
     folder = Path(config.folder) / "logs" / f"from-{model.num_timesteps}"
     model.set_logger(configure(str(folder), ["csv", "tensorboard"] if config.tensorboard else ["csv"]))
 
 
-def _learn(model: BaseAlgorithm, schedules: TrainingCallback) -> None:
-    """Train chapter by chapter, a checkpoint after each."""
-    config, progress = schedules.config, schedules.progress
-    chapter_steps = config.checkpoint_every * config.rollout_steps * config.num_envs
-    schedules.begin(model)
+def _learn(model: BaseAlgorithm, callback: TrainingCallback) -> None:
+    """Train segment by segment, with a checkpoint after each."""
+    config, progress = callback.config, callback.progress
+    segment_steps = config.checkpoint_every * config.rollout_steps * config.num_envs
+    callback.start(model)
     if config.policy and not progress.curve:
-        schedules.check()
-    while model.num_timesteps < config.env_steps and not schedules.over:
-        model.set_random_seed(checkpoints.chapter_seed(config, progress.chapter))
-        model._last_obs = None  # all flights begin anew
-        schedules.change()
+        callback.validate()
+    while model.num_timesteps < config.env_steps and not callback.finished:
+        model.set_random_seed(checkpoints.segment_seed(config, progress.segment))
+        model._last_obs = None  # resets all episodes
+        callback.apply_curriculum()
         model.learn(
-            min(chapter_steps, config.env_steps - model.num_timesteps),
-            callback=schedules,
+            min(segment_steps, config.env_steps - model.num_timesteps),
+            callback=callback,
             log_interval=1 if isinstance(config, PPOConfig) else EPISODES_LOGGED,
             reset_num_timesteps=False,
         )
-        progress.chapter += 1
-        schedules.settle()
-        checkpoints.write(config, model, replace(progress, seconds=schedules.elapsed))
-    schedules.change()
-    schedules.check()
+        progress.segment += 1
+        callback.record_kl()
+        checkpoints.write(config, model, replace(progress, seconds=callback.elapsed))
+    callback.apply_curriculum()
+    callback.validate()
     if progress.best is None:
         policies.save(model, model_file(config), config.scenario)
-
-
-def load(model: str | Path) -> BaseAlgorithm:
-    """Return a policy that was trained here. Loading it executes code in the file: load only your own."""
-    return policies.load(model, trust=True)

@@ -1,8 +1,7 @@
-"""The batched environment as Stable-Baselines3 sees it.
+"""The batched environment as a Stable-Baselines3 VecEnv.
 
-SB3 has its own vector interface: it resets finished flights within the step, wants the last
-observation of the old flight in `infos[i]["terminal_observation"]`, and `TimeLimit.truncated`
-to tell the end of the clock from the end of the task.
+SB3 has its own vector interface: it resets finished episodes within the step, expects their last observation in
+`infos[i]["terminal_observation"]`, and uses `TimeLimit.truncated` to tell truncation from termination.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ from flatgym.scenarios.catalogue import DEFAULT_SCENARIO, ProblemLike
 class FlatQuadVecEnv(VecEnv):
     """A FlatQuadVectorEnv in SAME_STEP mode behind SB3's VecEnv.
 
-    The info of a step that ends a flight is that of the ended flight (`outcome`, `is_success`, ...)
-    with SB3's `episode` record (return, length) added; other steps have an empty info, because
-    building n dictionaries a step would cost more than flying.
+    The info of an episode's last step is that of the environment (`outcome`, `is_success`, ...) with SB3's `episode`
+    record (return, length) added. Other steps have an empty info, because building n dictionaries a step would cost
+    more than the simulation.
     """
 
     def __init__(self, envs: FlatQuadVectorEnv) -> None:
@@ -36,7 +35,7 @@ class FlatQuadVecEnv(VecEnv):
         self._returns = np.zeros(envs.num_envs)
 
     def reset(self) -> NDArray[np.float32]:
-        """Start all flights anew; seeds given by `seed()` are used once."""
+        """Reset all episodes; seeds given by `seed()` are used once."""
         seed = next((seed for seed in self._seeds if seed is not None), None)
         observations, _ = self.envs.reset(seed=seed)
         self._returns[:] = 0.0
@@ -44,11 +43,11 @@ class FlatQuadVecEnv(VecEnv):
         return observations
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
-        """Remember the actions for `step_wait`."""
+        """Store the actions for `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Fly one step and translate the results."""
+        """Step the environment and translate the results."""
         observations, rewards, terminated, truncated, arrays = self.envs.step(self._actions)
         done = terminated | truncated
         self._returns += rewards
@@ -84,7 +83,7 @@ class FlatQuadVecEnv(VecEnv):
         return [getattr(self.envs, method_name)(*method_args, **method_kwargs)] * self.num_envs
 
     def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:  # noqa: ARG002
-        """Return False for each index: nothing wraps a vehicle of a batch."""
+        """Return False for each index; the vehicles of a batch have no wrappers."""
         return [False] * len(self._rows(indices))
 
     def _rows(self, indices: VecEnvIndices) -> Sequence[int]:

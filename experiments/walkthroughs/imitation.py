@@ -22,7 +22,7 @@ from stable_baselines3 import PPO
 import agents
 import optimal
 from agents.imitation.cloning import CloneConfig, clone
-from agents.imitation.dataset import recorded
+from agents.imitation.dataset import load_expert_data
 from agents.imitation.dataset_aggregation import DaggerConfig, dagger
 from agents.imitation.selection import BestPolicy
 from agents.policies.policy import Policy
@@ -56,7 +56,7 @@ print(f"flown anew in the environment, {sum(one.outcome == 'goal' for one in rep
 # Behaviour cloning fits the actions to the observations. What comes out is a PPO of Stable-Baselines3, in a small zip.
 
 # %%
-shown = recorded(dataset, NAME)
+shown = load_expert_data(dataset, NAME)
 cloned = clone(shown, CloneConfig(scenario=NAME, gradient_steps=100 if QUICK else 4000))
 cloned_file = agents.policies.save(cloned, FOLDER / "cloned.zip", NAME)
 print(f"{len(shown.actions)} pairs were shown; the policy is in {cloned_file}")
@@ -103,10 +103,10 @@ print(pd.DataFrame(scores).to_string(index=False))
 scenario = SCENARIOS[NAME]
 narrow = scenario.with_diameters(0.4 * hoop.diameter for hoop in scenario.hoops)
 taught = replace(optimal.fewest_steps(narrow, time_budget=0.0), scenario=scenario)
-expert = agents.Expert(taught, late=1)
+expert = agents.Expert(taught, max_lag=1)
 rounds = DaggerConfig(scenario=NAME, rounds=2 if QUICK else 8, gradient_steps=100 if QUICK else 2000)
 keeper = BestPolicy(rounds, target=k_star)
-adviser = agents.regulated([taught], count=4 if QUICK else 32)
+adviser = agents.lqr_oracle([taught], count=4 if QUICK else 32)
 advised = dagger(PPO.load(cloned_file, device="cpu"), adviser, rounds, keeper)
 agents.policies.save(advised, FOLDER / "advised.zip", NAME)
 print(pd.DataFrame(keeper.curve)[["env_steps", "outcome", "steps"]].to_string())

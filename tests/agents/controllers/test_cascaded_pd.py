@@ -1,4 +1,4 @@
-"""The cascade reaches every named scenario, most drawn ones, and is the same for one vehicle and for many."""
+"""Cascaded PD: reaches every named scenario and most sampled ones; batched equals single; mirror symmetry."""
 
 from dataclasses import replace
 
@@ -16,14 +16,14 @@ from flatgym.task.transition import initial
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_every_named_scenario_is_reached_upright_all_the_way(name):
+def test_every_named_scenario_is_reached_without_a_flip(name):
     flights = fly(CascadedPD(), name)
     assert flights.outcomes == ("goal",)
     assert np.abs(flights.states[0][:, 4]).max() < np.pi / 2
 
 
 @pytest.mark.parametrize(("name", "most"), [("random-goal", 0.4), ("random-hoops", 0.65)])
-def test_drawn_scenarios_are_reached(name, most):
+def test_sampled_scenarios_are_reached(name, most):
     rows = flight_rows(CascadedPD(), name, episodes=200)
     assert (rows["outcome"] == "goal").mean() >= 0.99
     assert 0.2 < iqm(rows["gap"]) < most
@@ -37,7 +37,7 @@ def situations(name, generator, n=50):
 
 
 @pytest.mark.parametrize("name", ["slalom", "ground-6"])
-def test_one_is_flown_as_many_are(name, generator):
+def test_batched_actions_equal_single_ones(name, generator):
     observations = observe(*situations(name, generator))
     actions, state = CascadedPD().predict(
         observations, state="kept", episode_start=np.ones(50, bool), deterministic=True
@@ -48,8 +48,7 @@ def test_one_is_flown_as_many_are(name, generator):
         np.testing.assert_array_equal(CascadedPD().predict(one)[0], action)
 
 
-def test_mirrored_is_flown_mirrored(generator):
-    """What lies to the left is flown to as what lies to the right."""
+def test_a_mirrored_scene_gives_mirrored_actions(generator):
     scene, there = situations("slalom", generator)
     mirror = np.array([-1.0, 1.0])
     mirrored = replace(
@@ -71,7 +70,7 @@ def test_at_the_goal_it_hovers():
     np.testing.assert_allclose(Quadrotor().control(action), [[9.81, 0.0]], atol=1e-5)
 
 
-def test_another_vehicle_is_flown_too():
+def test_another_vehicle_reaches_the_goal():
     lazy = Quadrotor(thrust_min=5.0, thrust_max=15.0, rate_max=6.0, gravity=8.0)
     heavier = replace(DISTRIBUTIONS["random-goal"], name="lazy", quadrotor=lazy)
     flights = fly(CascadedPD(lazy, braking=3.0, turning=12.0, damping=5.0, approach=2.0), heavier, episodes=20)

@@ -1,11 +1,11 @@
-"""The regulator: derivatives are those of the step, and many flights are reckoned as each alone."""
+"""Time-varying LQR: exact derivatives, batched gains equal to single ones, optimality of the gain."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from agents.controllers.lqr import derivatives, gain, regulator, terminal_cost, tolerances
+from agents.controllers.lqr import derivatives, gain, terminal_cost, tolerances, tvlqr_gains
 from agents.controllers.tracking import Expert, TrackingControllers, held, in_steps
 from flatgym import SCENARIOS, Quadrotor
 from flatgym.scenarios.reference import reference
@@ -30,20 +30,20 @@ def test_the_derivatives_are_those_of_the_step(generator):
     np.testing.assert_allclose(change, linear, atol=1e-8)
 
 
-def test_many_flights_are_reckoned_as_each_alone(flights):
+def test_batched_gains_equal_single_ones(flights):
     flown = [in_steps(flight) for flight in flights]
     longest = max(len(controls) for _, controls in flown)
     states, controls = (np.stack([held(one, longest) for one in ones]) for ones in zip(*flown, strict=True))
     last = np.array([len(controls) - 1 for _, controls in flown])
-    together = regulator(flights[0].scenario, states, controls, last)
+    together = tvlqr_gains(flights[0].scenario, states, controls, last)
     for gains, flight, (alone, commands) in zip(together, flights, flown, strict=True):
-        single = regulator(flight.scenario, alone, commands)
-        expected = held(single, longest)  # but for the error of the differences that derivatives are taken by
+        single = tvlqr_gains(flight.scenario, alone, commands)
+        expected = held(single, longest)  # up to finite-difference error
         np.testing.assert_allclose(gains, expected, rtol=1e-6, atol=1e-9)
 
 
 def test_no_other_gain_costs_less_in_one_step(generator):
-    """The trace of (A - B K)' P (A - B K) + K' R K is least at the gain."""
+    """The gain minimises the trace of (A - B K)' P (A - B K) + K' R K."""
     a, b = derivatives(Quadrotor(), generator.normal(size=(1, 5)), np.array([[9.0, 0.3]]), 0.02)
     effort, cost = np.diag([0.01, 0.02]), terminal_cost(Tolerance())
     best = gain(a, b, effort, cost)[0]
@@ -55,8 +55,8 @@ def test_no_other_gain_costs_less_in_one_step(generator):
     assert all(price(best) < price(best + 0.1 * generator.normal(size=(2, 5))) for _ in range(20))
 
 
-def test_on_time_experts_do_together_what_each_does_alone(flights, generator):
-    together, each = TrackingControllers(flights), [Expert(flight, late=1) for flight in flights]
+def test_tracking_controllers_equal_single_experts_without_lag(flights, generator):
+    together, each = TrackingControllers(flights), [Expert(flight, max_lag=1) for flight in flights]
     which, steps = generator.integers(len(NAMES), size=40), generator.integers(120, size=40)
     point = np.minimum(steps, together.last[which])
     states = together.states[which, point] + 0.05 * generator.normal(size=(40, 5))

@@ -10,10 +10,10 @@ from agents import demonstrations, policies
 from agents.controllers.cascaded_pd import CascadedPD
 from agents.controllers.tracking import Expert
 from agents.evaluation.rollouts import fly
-from agents.imitation.advisers import backwards, corrected, guided, hoops_along, regulated, seen_along
-from agents.imitation.cloning import CloneConfig, batches, clone, fit, loss, student
-from agents.imitation.dataset import Shown, mirrored, recorded
+from agents.imitation.cloning import CloneConfig, batches, clone, fit, loss, untrained_policy
+from agents.imitation.dataset import ExpertData, load_expert_data, with_mirror_images
 from agents.imitation.dataset_aggregation import DaggerConfig, dagger
+from agents.imitation.oracles import backwards, combined_oracle, corrected, hoops_along, lqr_oracle, seen_along
 from agents.imitation.selection import BestPolicy
 from agents.training.configs import PPOConfig
 from agents.training.train import train
@@ -34,7 +34,7 @@ def flight():
 
 @pytest.fixture(scope="module")
 def shown(flight):
-    return regulated([flight], count=8)(None, 0)
+    return lqr_oracle([flight], count=8)(None, 0)
 
 
 def test_beyond_the_same_limit_nothing_is_lost():
@@ -51,7 +51,7 @@ def test_batches_pass_over_all_rows_alike():
 
 
 def test_fitting_lowers_the_error_and_leaves_the_critic_alone(shown):
-    model = student(SMALL)
+    model = untrained_policy(SMALL)
     critic = [value.clone() for value in model.policy.mlp_extractor.value_net.parameters()]
     first = fit(model, shown, replace(SMALL, gradient_steps=10))
     assert fit(model, shown, SMALL) < first / 3
@@ -86,11 +86,11 @@ def test_demonstrations_are_read_and_those_of_another_scenario_refused(monkeypat
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     planned = demonstrations.plan("horizontal-3", 2, jobs=1)
     dataset = demonstrations.record("horizontal-3", planned)
-    found = recorded(dataset, "horizontal-3")
+    found = load_expert_data(dataset, "horizontal-3")
     assert found.observations.shape == (sum(one.steps for one in planned), 19)
     np.testing.assert_array_equal(found.actions[: planned[0].steps], planned[0].flight.actions)
     with pytest.raises(ValueError, match="horizontal-6"):
-        recorded(dataset, "horizontal-6")
+        load_expert_data(dataset, "horizontal-6")
 
 
 @pytest.mark.parametrize("name", ["climb", "slalom"])
@@ -103,7 +103,7 @@ def test_what_is_seen_in_the_mirror_is_a_flight_of_the_mirrored_scenario(name):
         goal=(-scenario.goal[0], scenario.goal[1]),
         hoops=tuple(replace(hoop, x=-hoop.x, angle=np.pi - hoop.angle) for hoop in scenario.hoops),
     )
-    twice, turned = mirrored(shown), actions * np.array([1, -1], dtype=np.float32)
+    twice, turned = with_mirror_images(shown), actions * np.array([1, -1], dtype=np.float32)
     flown = fly_actions(reflected, turned)
     seen = np.concatenate([observe(Scene.of([reflected]), situation) for situation in flown[:-1]])
     np.testing.assert_allclose(twice.observations[len(actions) :], seen, atol=2e-5)
@@ -138,17 +138,17 @@ def test_hoops_are_counted_as_the_environment_counts_them(name):
 def test_advice_on_the_way_is_what_the_expert_does_and_the_first_flight_is_undisturbed(flight, shown):
     expert = Expert(flight)
     np.testing.assert_allclose(expert.predict(shown.observations)[0], shown.actions, atol=2e-3)
-    alone = regulated([flight], count=1)(None, 0)
+    alone = lqr_oracle([flight], count=1)(None, 0)
     assert len(alone.actions) == flight.steps
-    again = regulated([flight], count=8)(None, 0)
+    again = lqr_oracle([flight], count=8)(None, 0)
     np.testing.assert_array_equal(again.observations, shown.observations)
 
 
 def test_dagger_keeps_the_best_round_and_stops_when_satisfied(flight):
     config = DaggerConfig(scenario="horizontal-3", width=64, gradient_steps=400, rounds=3, batch_size=256)
     points = []
-    keeper = BestPolicy(config, target=flight.steps, watch=points.append)
-    model = dagger(student(config), regulated([flight], count=8), config, keeper)
+    best = BestPolicy(config, target=flight.steps, on_validation=points.append)
+    model = dagger(untrained_policy(config), lqr_oracle([flight], count=8), config, keeper)
     assert points == keeper.curve
     assert 1 <= len(points) <= 3
     assert keeper.env_steps > 0 or len(points) == 1
@@ -156,7 +156,7 @@ def test_dagger_keeps_the_best_round_and_stops_when_satisfied(flight):
     flown = fly(model, "horizontal-3")
     assert (flown.steps[0], flown.outcomes[0]) == (best["steps"], best["outcome"])
     content = BestPolicy(config, target=1000)
-    dagger(student(config), lambda *_: Shown(*map(np.asarray, regulated([flight])(None, 0))),
+    dagger(untrained_policy(config), lambda *_: ExpertData(*map(np.asarray, lqr_oracle([flight])(None, 0))),
            replace(config, rounds=2), content)  # fmt: skip
     assert len(content.curve) in (1, 2)
 
@@ -169,10 +169,12 @@ def drawn():
 
 def test_guided_advice_comes_in_mirrored_pairs_and_counts_what_was_flown(drawn):
     distribution, flights = drawn
-    adviser = guided(flights, distribution, count=6, planned=2, every=20, ahead=5, weight=2, jobs=1)
+    adviser = combined_oracle(
+        flights, distribution, count=6, plan_episodes=2, plan_every=20, plan_steps=5, plan_weight=2, jobs=1
+    )
     own = adviser(None, 0)
-    assert own.flown == 0
-    assert len(own.actions) == 2 * own.asked >= 2 * flights[0].steps
+    assert own.env_steps == 0
+    assert len(own.actions) == 2 * own.labels >= 2 * flights[0].steps
     model = clone(
         own, CloneConfig(scenario="random-hoops", width=32, depth=2, batch_size=128, gradient_steps=100, guidance=True)
     )
@@ -183,9 +185,11 @@ def test_guided_advice_comes_in_mirrored_pairs_and_counts_what_was_flown(drawn):
     again = adviser(model, 1)
     np.testing.assert_array_equal(again.observations, advice.observations)
     about = [*flights, *map(backwards, flights)]
-    followed = regulated(about, count=6, scatter=0.3, window=range(-6, 4), rescuer=CascadedPD(), beyond=False)(model, 1)
-    assert advice.flown == followed.flown + fly(model, distribution, 2, 0).steps.sum()
-    assert half >= advice.asked > 0
+    followed = lqr_oracle(
+        about, count=6, start_noise=0.3, window=range(-6, 4), fallback=CascadedPD(), after_last_hoop=False
+    )(model, 1)
+    assert advice.env_steps == followed.env_steps + fly(model, distribution, 2, 0).steps.sum()
+    assert half >= advice.labels > 0
 
 
 def test_behind_the_last_hoop_who_flies_optimally_is_told_to_go_on(drawn):
@@ -193,7 +197,7 @@ def test_behind_the_last_hoop_who_flies_optimally_is_told_to_go_on(drawn):
         passed = hoops_along(flight.scenario, flight.states, flight.actions)
         since = int(np.argmax(passed == len(flight.scenario.hoops)))
         plan = corrected(flight, flight.states, flight.actions, every=200, ahead=100)
-        assert flight.steps - since - 1 <= plan.asked <= flight.steps - since + 1  # a step is what care may cost
+        assert flight.steps - since - 1 <= plan.labels <= flight.steps - since + 1  # a step is what care may cost
         own = seen_along(flight.scenario, flight.states, flight.actions)
         np.testing.assert_allclose(plan.observations[0], own.observations[since], atol=1e-6)
 
@@ -201,7 +205,7 @@ def test_behind_the_last_hoop_who_flies_optimally_is_told_to_go_on(drawn):
 def test_before_the_last_hoop_nobody_plans_anew(drawn):
     flight = drawn[1][0]
     beside = flight.states[:20] + np.array([3.0, 3.0, 0.0, 0.0, 0.0])
-    assert corrected(flight, beside, flight.actions[:19], every=5, ahead=30).asked == 0
+    assert corrected(flight, beside, flight.actions[:19], every=5, ahead=30).labels == 0
 
 
 class Fixed:
@@ -216,13 +220,13 @@ class Fixed:
 
 def test_who_is_astray_is_given_up_or_led_back_by_the_rescuer(flight):
     climbing = Fixed(1.0, 0.0)
-    given_up = regulated([flight], count=1)(climbing, 1)
-    assert 0 < given_up.flown == given_up.asked == len(given_up.actions) < flight.steps
-    rescued = regulated([flight], count=1, rescuer=Fixed(-0.25, 0.125))(climbing, 1)
-    np.testing.assert_array_equal(rescued.actions[: given_up.asked], given_up.actions)
-    assert rescued.flown > given_up.flown
-    assert (rescued.actions[given_up.asked :] == [-0.25, 0.125]).all()
-    assert rescued.asked == rescued.flown
+    given_up = lqr_oracle([flight], count=1)(climbing, 1)
+    assert 0 < given_up.env_steps == given_up.labels == len(given_up.actions) < flight.steps
+    rescued = lqr_oracle([flight], count=1, fallback=Fixed(-0.25, 0.125))(climbing, 1)
+    np.testing.assert_array_equal(rescued.actions[: given_up.labels], given_up.actions)
+    assert rescued.env_steps > given_up.env_steps
+    assert (rescued.actions[given_up.labels :] == [-0.25, 0.125]).all()
+    assert rescued.labels == rescued.env_steps
 
 
 def test_who_has_missed_a_hoop_is_led_back_until_it_is_passed():
@@ -231,26 +235,26 @@ def test_who_has_missed_a_hoop_is_led_back_until_it_is_passed():
     straight = fewest_steps("diagonal", windings=(0,), time_budget=0.0)  # to the same goal, not through the hoop
     assert straight.scenario.goal == scenario.goal
     pilot = Expert(straight)
-    given_up = regulated([flight], count=1)(pilot, 1)
-    rescued = regulated([flight], count=1, rescuer=Fixed(-0.25, 0.125))(pilot, 1)
+    given_up = lqr_oracle([flight], count=1)(pilot, 1)
+    rescued = lqr_oracle([flight], count=1, fallback=Fixed(-0.25, 0.125))(pilot, 1)
     assert len(given_up.actions) < len(rescued.actions)
     assert (rescued.actions[-20:] == [-0.25, 0.125]).all()
 
 
 def test_at_the_goal_hovering_is_thinned(flight):
-    on_time = regulated([flight], count=3, scatter=0.0, noise=0.0)(None, 0)
+    on_time = lqr_oracle([flight], count=3, start_noise=0.0, action_noise=0.0)(None, 0)
     assert len(on_time.actions) == 3 * flight.steps
-    ended = regulated([flight, flight], count=2, scatter=0.0, noise=0.0)(Expert(flight, late=1), 1)
-    assert ended.flown == ended.asked == 2 * flight.steps
-    hovering = regulated([flight], count=1)(Aside(Expert(flight, late=1)), 1)
-    assert hovering.flown == flight.scenario.max_steps
-    assert hovering.asked == flight.steps + len(range(flight.steps + (-flight.steps) % 3, hovering.flown, 3))
+    ended = lqr_oracle([flight, flight], count=2, start_noise=0.0, action_noise=0.0)(Expert(flight, max_lag=1), 1)
+    assert ended.env_steps == ended.labels == 2 * flight.steps
+    hovering = lqr_oracle([flight], count=1)(Aside(Expert(flight, max_lag=1)), 1)
+    assert hovering.env_steps == flight.scenario.max_steps
+    assert hovering.labels == flight.steps + len(range(flight.steps + (-flight.steps) % 3, hovering.env_steps, 3))
 
 
 def test_a_learner_behind_the_last_hoop_may_be_left_to_others(flight):
-    alone = regulated([flight], count=1, beyond=False)
-    assert alone(None, 0).asked == flight.steps
-    assert alone(Expert(flight, late=1), 1).asked == 0  # there is no hoop at all
+    alone = lqr_oracle([flight], count=1, after_last_hoop=False)
+    assert alone(None, 0).labels == flight.steps
+    assert alone(Expert(flight, max_lag=1), 1).labels == 0  # there is no hoop at all
 
 
 class Aside:

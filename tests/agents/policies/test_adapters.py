@@ -69,7 +69,7 @@ class Returns:
     [
         (ZeroDivisionError("by wind"), "mine failed: ZeroDivisionError: by wind"),
         (np.zeros((3, 5)), r"mine returned actions of shape \(3, 5\) for observations of shape \(3, 19\); wanted"),
-        ("left", "mine returned 'left', which are no actions"),
+        ("left", "mine returned 'left', which is not an array of actions"),
         (None, "mine returned"),
     ],
 )
@@ -84,7 +84,7 @@ def test_not_a_number_is_refused_by_the_flight():
 
 
 def test_what_cannot_act_is_no_policy():
-    with pytest.raises(PolicyFailed, match=r"mine is no policy: it has no predict"):
+    with pytest.raises(PolicyFailed, match=r"mine is not a policy: it has no predict"):
         Adapted(3, "mine")
 
     class Broken:
@@ -112,7 +112,7 @@ def test_policies_are_found_by_module_by_file_and_by_zip(tmp_path, monkeypatch):
     [
         ("policy", "neither a file nor of the form module:object"),
         ("no_such_module:policy", "'no_such_module' cannot be imported: ModuleNotFoundError"),
-        ("missing.zip", "missing.zip did not come with the package"),
+        ("missing.zip", "missing.zip is not part of the package"),
     ],
 )
 def test_what_is_not_found_is_named(name, words):

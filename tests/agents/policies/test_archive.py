@@ -14,7 +14,7 @@ import torch
 from stable_baselines3 import A2C, PPO
 
 from agents import policies
-from agents.policies import archive
+from agents.policies import archive, compact
 from agents.training.configs import CONFIGS, PPOConfig, config_of
 from agents.training.models import build
 from agents.training.vec_env import make_vec_env
@@ -81,7 +81,7 @@ def test_a_rounded_policy_is_half_as_long_and_flies_as_it_was_rounded(tmp_path):
     model = build(PPOConfig(scenario="horizontal-3", num_envs=4, batch_size=16, width=128))
     long = policies.save(model, tmp_path / "long.zip").stat().st_size
     before = actions(model)
-    rounded = archive.rounded(model)
+    rounded = compact.rounded(model)
     short = policies.save(rounded, tmp_path / "short.zip")
     assert short.stat().st_size < 0.6 * long
     np.testing.assert_allclose(actions(rounded), before, atol=5e-3)
@@ -95,7 +95,7 @@ def test_nothing_of_the_training_is_saved(file, models):
     with zipfile.ZipFile(file) as members:
         optimizer = torch.load(io.BytesIO(members.read("policy.optimizer.pth")), weights_only=True)
         assert optimizer["state"] == {}
-        assert not set(archive.TRANSIENT) & set(json.loads(members.read("data")))
+        assert not set(compact.TRANSIENT) & set(json.loads(members.read("data")))
         assert "system_info.txt" not in members.namelist()
     assert models["PPO"].policy.optimizer.state_dict()["state"], "the model itself keeps its own"
 
@@ -205,8 +205,8 @@ def test_a_full_disk_leaves_what_was_there(file, models, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device", str(file))
 
     monkeypatch.setattr(zipfile.ZipFile, "writestr", full)
-    monkeypatch.setattr(archive, "_members", lambda _: {"data": b""})
-    with pytest.raises(OSError, match=r"what was there is intact.*No space left.*policy\.zip") as error:
+    monkeypatch.setattr(archive, "members", lambda _: {"data": b""})
+    with pytest.raises(OSError, match=r"an older file is intact.*No space left.*policy\.zip") as error:
         policies.save(models["PPO"], file)
     assert error.value.errno == errno.ENOSPC
     assert file.read_bytes() == before

@@ -7,8 +7,8 @@ import torch
 from agents import policies
 from agents.imitation.cloning import CloneConfig, untrained_policy
 from agents.imitation.dataset import ExpertData, with_mirror_images
-from agents.policies import archive
-from agents.policies.guidance import HOOPS, LATEST, PER_HOOP, TIMELESS, Guidance, to_gaps, unsquashed
+from agents.policies import compact
+from agents.policies.guidance import HOOPS, MAX_TIME_TO_GO, PER_HOOP, TIMELESS, Guidance, to_gaps, unsquashed
 from flatgym import SCENARIOS, Quadrotor
 from flatgym.envs.spaces import observation_space
 from flatgym.scenarios.reference import ghost_states
@@ -87,7 +87,7 @@ def test_a_gap_is_seen_in_its_own_frame(angle):
         ASIDE: squash(torch.tensor(way @ hoop.across), 0.25),
         CLOSING: 4.0 / 8.0,
         DRIFT: 0.7 / 2.7,
-        TIME: np.clip(way @ hoop.direction / 4.0, 0, LATEST),
+        TIME: np.clip(way @ hoop.direction / 4.0, 0, MAX_TIME_TO_GO),
         FORWARDS: np.array([np.sin(angle), np.cos(angle)]) @ hoop.direction,
     }
     for which, value in expected.items():
@@ -124,7 +124,7 @@ def test_lengths_come_back_in_metres_and_the_infinite_as_the_farthest():
 
 
 def test_the_network_of_a_policy_is_saved_with_it(tmp_path):
-    model = archive.rounded(untrained_policy(CloneConfig(scenario="hoop", width=16, depth=1, guidance=True)))
+    model = compact.rounded(untrained_policy(CloneConfig(scenario="hoop", width=16, depth=1, guidance=True)))
     loaded = policies.load(policies.save(model, tmp_path / "guided.zip"), trust=True)
     observations = seen(SCENARIOS["hoop"], ghost_states("hoop"))
     np.testing.assert_array_equal(

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 import torch
 
-from agents.evaluation.checks import VALIDATION_SEED
+from agents.evaluation.validation import VALIDATION_SEED
 from agents.training import checkpoints
-from agents.training.checkpoints import chapter_seed, checkpoint_file
+from agents.training.checkpoints import checkpoint_file, segment_seed
 from agents.training.configs import CONFIGS, config_of
 from agents.training.models import build
 from agents.training.progress import curve_file, read_curve
@@ -41,12 +41,12 @@ def small(algorithm, folder, scenario="horizontal-3"):
 def killed(config, at, resume=False):
     """Train until the check at so many environment steps, and die there."""
 
-    def watch(point):
+    def on_validation(point):
         if point["env_steps"] >= at:
             raise Killed
 
     with pytest.raises(Killed):
-        train(config, resume=resume, watch=watch)
+        train(config, resume=resume, on_validation=on_validation)
 
 
 def flown(curve):
@@ -95,19 +95,19 @@ def test_who_has_finished_does_not_go_on(finished, copy):
 
 def test_without_resume_training_begins_anew(copy):
     seen = []
-    train(copy, watch=seen.append)
+    train(copy, on_validation=seen.append)
     assert seen[0]["env_steps"] == 256
 
 
 def test_chapters_have_seeds_of_their_own_and_leave_those_of_scores_alone(finished):
     config = finished[0]
-    seeds = {chapter_seed(replace(config, seed=seed), chapter) for seed in range(10) for chapter in range(10)}
+    seeds = {segment_seed(replace(config, seed=seed), segment) for seed in range(10) for segment in range(10)}
     assert len(seeds) == 100
     assert max(seeds) + 100_000 < VALIDATION_SEED < VALIDATION_SEED + config.n_eval_episodes < EVALUATION_SEED
 
 
 def test_a_configuration_may_differ_in_time_and_place_only(copy):
-    assert checkpoints.restore(replace(copy, max_seconds=7.0, tensorboard=True), build(copy)).chapter == 3
+    assert checkpoints.restore(replace(copy, max_seconds=7.0, tensorboard=True), build(copy)).segment == 3
     with pytest.raises(ValueError, match=r"checkpoint.pt was written with seed = 0, not 1, width = 8, not 16;"):
         train(replace(copy, seed=1, width=16), resume=True)
 
@@ -131,7 +131,7 @@ def test_a_changed_byte_is_noticed(copy):
 
 
 @pytest.mark.parametrize(
-    "change", [{"schema": 2}, {"progress": {"chapters": 1}}, {"parameters": {}}, {"config": 3}, {"updates": None}]
+    "change", [{"schema": 2}, {"progress": {"segments": 1}}, {"parameters": {}}, {"config": 3}, {"updates": None}]
 )
 def test_what_does_not_fit_is_named(copy, change):
     path = checkpoint_file(copy)
@@ -170,7 +170,7 @@ def test_a_full_disk_leaves_the_checkpoint_before(copy, monkeypatch, error):
         raise error
 
     monkeypatch.setattr(torch, "save", full)
-    with pytest.raises(OSError, match=r"checkpoint.pt could not be written, and the checkpoint before is intact"):
+    with pytest.raises(OSError, match=r"checkpoint.pt could not be written; the previous checkpoint is intact"):
         checkpoints.write(copy, model, progress)
     assert path.read_bytes() == before
     assert [file.name for file in path.parent.iterdir()] == ["checkpoint.pt"]

@@ -4,22 +4,24 @@ import csv
 import json
 import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 import torch
 
 from agents import policies
-from agents.evaluation.checks import rank
 from agents.evaluation.rollouts import fly
+from agents.evaluation.validation import rank
 from agents.policies import archive
+from agents.training.callbacks import PPOCallback
 from agents.training.configs import CONFIGS, PPOConfig, SACConfig, config_of
 from agents.training.models import build
-from agents.training.progress import Progress
-from agents.training.schedules import PPOCallback
-from agents.training.train import load, read_curve, train
+from agents.training.progress import Progress, read_curve
+from agents.training.train import train
 from flatgym.scenarios.reference import reference
 
+load = partial(policies.load, trust=True)
 SMALL = PPOConfig(
     scenario="horizontal-3", env_steps=2048, num_envs=16, n_steps=16, batch_size=128, n_epochs=2, width=16, eval_every=2
 )
@@ -76,7 +78,7 @@ def test_it_stops_by_the_clock(small):
 
 def test_it_stops_at_the_optimum(small, monkeypatch):
     known = reference("horizontal-3")
-    monkeypatch.setattr("agents.training.schedules.fly", lambda *_: fly(OpenLoop(known.actions), "horizontal-3"))
+    monkeypatch.setattr("agents.evaluation.validation.fly", lambda *_: fly(OpenLoop(known.actions), "horizontal-3"))
     training = train(replace(small, env_steps=10**9), known.k_star)
     assert training.env_steps < 1024
     assert training.best["steps"] == known.k_star
@@ -100,7 +102,7 @@ def test_the_best_policy_is_kept_not_the_last(small, monkeypatch):
         tape = OpenLoop(known.actions if len(models) == 2 else np.zeros((250, 2), np.float32))
         return fly(tape, "horizontal-3")
 
-    monkeypatch.setattr("agents.training.schedules.fly", second_is_best)
+    monkeypatch.setattr("agents.evaluation.validation.fly", second_is_best)
     training = train(small)
     assert training.best is training.curve[1]
     kept = load(training.model).policy.state_dict()
@@ -133,13 +135,13 @@ def test_the_curriculum_runs_with_the_steps(small):
     envs = model.get_env()
 
     class Watch(PPOCallback):
-        def change(self):
-            super().change()
+        def apply_curriculum(self):
+            super().apply_curriculum()
             seen.append((envs.get_attr("scenario")[0].tolerance.position, model.gamma, model.rollout_buffer.gamma))
 
     module = sys.modules[train.__module__]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("agents.training.schedules.PACE", 256)
+        patch.setattr("agents.training.callbacks.CURRICULUM_STEPS", 256)
         patch.setattr(module, "PPOCallback", Watch)
         patch.setattr(module, "build", lambda _: model)
         train(small)
@@ -195,7 +197,7 @@ def _keep(function, results):
 def test_a_policy_that_cannot_be_started_from_is_named(small, clone):
     with pytest.raises(ValueError, match=r"PPOConfig.policy must be a file or one of the pretrained .*'nowhere.zip'"):
         build(replace(small, policy="nowhere.zip"))
-    with pytest.raises(ValueError, match=r"clone.zip is a policy of PPO, from which SAC cannot start"):
+    with pytest.raises(ValueError, match=r"clone.zip is a policy of PPO; SAC cannot start from it"):
         build(SACConfig(scenario="horizontal-3", num_envs=2, buffer_size=10, policy=str(clone)))
 
 

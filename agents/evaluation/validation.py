@@ -1,0 +1,96 @@
+"""Validation during training: deterministic episodes, the learning curve, and the best policy so far.
+
+    validation = Validation("hoop", target=70)
+    improved = validation.run(policy, env_steps=0, wall_time=0.0)
+
+Policies are ranked by success rate first and by steps second. Validation episodes share no seed with training or with
+scores. On a named scenario one episode suffices, because it is deterministic.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from agents.evaluation.rollouts import Flights, fly
+from agents.policies.policy import Policy
+from flatgym.scenarios import catalogue
+from flatgym.scenarios.catalogue import ProblemLike
+from flatgym.scenarios.reference import EVALUATION_SEED
+from flatgym.scenarios.scenario import Scenario
+
+VALIDATION_SEED = EVALUATION_SEED - 100_000
+"""Seed of the first validation episode: above all training seeds and below those of scores."""
+Point = dict[str, Any]
+"""A point of a learning curve: env_steps, wall_time_s, outcome, success_rate, steps."""
+
+
+class Validation:
+    """Rolls out a policy when asked and appends a point to its learning curve.
+
+    Args:
+        problem: a scenario or a distribution.
+        seed: seed of the first episode.
+        episodes: episodes on a distribution.
+        target: steps at which the policy needs no improvement; no target by default.
+        curve: the curve to extend, for a resumed training.
+
+    Attributes:
+        curve: the points so far.
+    """
+
+    def __init__(
+        self,
+        problem: ProblemLike,
+        seed: int = VALIDATION_SEED,
+        episodes: int = 64,
+        target: float = -np.inf,
+        curve: list[Point] | None = None,
+    ) -> None:
+        self.problem, self.seed, self.target = catalogue.problem(problem), seed, target
+        self.episodes = 1 if isinstance(self.problem, Scenario) else episodes
+        self.curve: list[Point] = [] if curve is None else curve
+
+    @property
+    def target_reached(self) -> bool:
+        """Whether a policy succeeded in every episode within the target steps."""
+        return any(point["success_rate"] == 1 and point["steps"] <= self.target for point in self.curve)
+
+    def run(self, policy: Policy, env_steps: int, wall_time: float) -> bool:
+        """Roll out the policy, append a point to the curve, and return whether it ranks above all earlier points.
+
+        Args:
+            policy: the policy in training.
+            env_steps: environment steps of the training so far.
+            wall_time: wall time of the training so far [s].
+        """
+        flights = fly(policy, self.problem, self.episodes, self.seed)
+        point = {"env_steps": env_steps, "wall_time_s": round(wall_time, 1)} | statistics(flights)
+        improved = all(rank(point) > rank(other) for other in self.curve)
+        self.curve.append(point)
+        return improved
+
+
+def rank(point: Point) -> tuple[float, float]:
+    """Return the rank of a point, greater is better: success rate first, then fewer steps."""
+    return point["success_rate"], -point["steps"]
+
+
+def best_of(curve: Sequence[Point]) -> Point | None:
+    """Return the first point of the highest rank, or None if no episode of any point succeeded."""
+    best = max(curve, key=rank, default=None)
+    return best if best and best["success_rate"] > 0 else None
+
+
+def statistics(flights: Flights) -> Point:
+    """Return the most frequent outcome, the success rate, and the mean steps of the successes (of all if none)."""
+    succeeded = np.array([word == "goal" for word in flights.outcomes])
+    steps = float(flights.steps[succeeded].mean() if succeeded.any() else flights.steps.mean())
+    return {
+        "outcome": Counter(flights.outcomes).most_common(1)[0][0],
+        "success_rate": float(succeeded.mean()),
+        "steps": int(steps) if steps.is_integer() else steps,
+    }
