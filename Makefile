@@ -1,47 +1,57 @@
 # Three commands: `make benchmark` (the main job), `make test`, `make check`.
-# Each makes .venv when it is missing and needs nothing but Python (>= 3.11) and make.
+# Each makes a virtual environment when it is missing and needs nothing but Python (>= 3.11) and make.
 
 PYTHON ?= python3
-BIN := .venv/bin
 CORES ?= auto
 
-.PHONY: help benchmark test check format readme docs clean
+# .venv belongs to the Python that made it; another Python gets a folder of its own, .venv-3.13 for example.
+VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
+VENV := $(shell test ! -e .venv/pyvenv.cfg || grep -Eq '^version(_info)? *= *$(VERSION)\.' .venv/pyvenv.cfg \
+	&& echo .venv || echo .venv-$(VERSION))
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/installed
 
-help:
-	@echo "make benchmark   solve, demonstrate, train and score; under 6 minutes"
-	@echo "make test        the whole test suite"
-	@echo "make check       lint, format, types and import contracts"
-	@echo "make format      apply the formatter and the safe fixes"
-	@echo "make readme      publish your latest results in README (needs a Chromium for the picture)"
-	@echo "make docs        the API reference from the docstrings, in build/docs"
+.PHONY: help benchmark test suite check format docs publish clean
 
-.venv/installed: pyproject.toml constraints.txt
-	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+help:  ## list the targets
+	@grep -E '^[a-z]+:.*## ' Makefile | sed -E 's/^([a-z]+):.*## (.*)/make \1|\2/' | awk -F'|' '{printf "%-15s %s\n", $$1, $$2}'
+	@echo "PYTHON=python3.13 before or after any of them chooses another Python; CORES=1 limits the tests."
+
+$(INSTALLED): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
+	"FlatQuad needs Python 3.11 or newer, and $(PYTHON) is $(VERSION): name a newer one, make PYTHON=python3.13 ...")'
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[all,dev]'
 	@touch $@
 
-benchmark: .venv/installed
+benchmark: $(INSTALLED)  ## solve, demonstrate, train and score; under 6 minutes
 	$(BIN)/flatquad benchmark
 
-test: .venv/installed
-	$(BIN)/python -m pytest -n $(CORES)
+# `suite` notes the exit status instead of failing, so that the reason for a missing browser is the last line.
+test: suite  ## the whole test suite; installs a browser for it where none is found
+	@$(if $(shell cat $(VENV)/no-browser),$(error $(shell cat $(VENV)/no-browser)))exit $$(cat $(VENV)/status)
 
-check: .venv/installed
+suite: $(INSTALLED)
+	@$(BIN)/python tests/browser.py $(VENV)/no-browser || true
+	@$(BIN)/python -m pytest -n $(CORES); echo $$? > $(VENV)/status
+
+check: $(INSTALLED)  ## lint, format, types and import contracts
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-format: .venv/installed
+format: $(INSTALLED)  ## apply the formatter and the safe fixes
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-readme: .venv/installed
+docs: $(INSTALLED)  ## the documentation as a site that needs no network, in build/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@echo "open build/docs/index.html"
+
+publish: $(INSTALLED)  ## publish your latest results in README, docs and pictures
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[figures]'
-	$(BIN)/python -m experiments.readme
+	BROWSER_PATH="$$($(BIN)/python tests/browser.py)" $(BIN)/flatquad publish
 
-docs: .venv/installed
-	$(BIN)/python docs/build.py build/docs
-
-clean:
-	rm -rf .venv build dist *.egg-info
+clean:  ## remove the virtual environments and everything built
+	rm -rf .venv .venv-* build dist *.egg-info

@@ -1,9 +1,10 @@
-"""What all tests share: random states and controls, and a single thread for torch."""
+"""What all tests share: random states and controls, the paper's vehicle, a browser."""
 
 import numpy as np
 import pytest
 
 from flatgym import Quadrotor
+from tests import browser
 
 
 @pytest.fixture
@@ -16,3 +17,13 @@ def generator() -> np.random.Generator:
 def quadrotor() -> Quadrotor:
     """The paper's vehicle."""
     return Quadrotor()
+
+
+@pytest.fixture(scope="session")
+def chromium() -> str:
+    """The path of a Chromium; a test without one fails and says how to get it."""
+    try:
+        path = browser.find()
+    except ValueError as error:
+        pytest.fail(str(error))
+    return path or pytest.fail(browser.MISSING)

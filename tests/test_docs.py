@@ -1,22 +1,34 @@
-"""The documentation: everything public says what it is, pdoc can render it, and the citation is of this version."""
+"""The documentation: everything public has a docstring, the site builds without a warning and asks the net for nothing."""
 
 import ast
 import re
 import runpy
 import tomllib
 import warnings
+from html.parser import HTMLParser
+from urllib.parse import unquote
 
 import pytest
-from pdoc.extract import walk_specs
+from mkdocs.commands.build import build
+from mkdocs.config import load_config
 
-import optimal
 from experiments.files import ROOT
 from flatgym import __version__
 
-DOCS = runpy.run_path(str(ROOT / "docs" / "build.py"))
-FILES = [file for package in DOCS["PACKAGES"] for file in sorted((ROOT / package).rglob("*.py"))]
+HOOKS = runpy.run_path(str(ROOT / "docs" / "hooks.py"))
+FILES = [file for package in HOOKS["PACKAGES"] for file in sorted((ROOT / package).rglob("*.py"))]
 OVERRIDDEN = {"forward", "backward"}
 """Methods that torch calls and documents."""
+LOADED = {
+    "script": "src",
+    "link": "href",
+    "img": "src",
+    "iframe": "src",
+    "source": "src",
+    "video": "src",
+    "object": "data",
+}
+"""Elements whose files a browser loads by itself, and the attribute that names them."""
 
 
 def undocumented(file):
@@ -34,40 +46,100 @@ def undocumented(file):
                 yield node.name
 
 
-def test_everything_public_says_what_it_is():
+def test_everything_public_has_a_docstring():
     found = {f"{file.relative_to(ROOT).as_posix()}: {name}" for file in FILES for name in undocumented(file)}
     assert not found
 
 
-@pytest.mark.parametrize("package", DOCS["PACKAGES"])
-def test_pages_are_of_public_modules_and_none_of_them_runs_when_imported(package):
-    modules = DOCS["modules"](package)
-    assert modules[0] == package
-    assert len(set(modules)) == len(modules)
-    assert all(re.fullmatch(r"[a-z]\w*(\.[a-z]\w*)*", name) for name in modules)
-    with warnings.catch_warnings(action="ignore"):  # names that pdoc finds twice
-        rendered = walk_specs(DOCS["specifications"](modules))
-    assert set(modules) <= set(rendered)
-    assert not any(name.startswith("experiments.walkthroughs.") for name in rendered)
+class Links(HTMLParser):
+    """What a page loads and links to, and the ids in it."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.loaded, self.links, self.ids = [], [], set()
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        attributes = dict(attrs)
+        self.ids |= {attributes[key] for key in ("id", "name") if attributes.get(key)}
+        if tag in LOADED and attributes.get(LOADED[tag]):
+            self.loaded.append(attributes[LOADED[tag]])
+        self.links += [attributes[key] for key in ("href", "src") if attributes.get(key)]
 
 
-def test_pdoc_renders_a_page_for_every_module(tmp_path):
-    names = DOCS["build"](tmp_path, ("flatgym",))
-    pages = {
-        page.relative_to(tmp_path).with_suffix("").as_posix().replace("/", ".") for page in tmp_path.rglob("*.html")
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site, built as `make docs` does: a warning is an error."""
+    folder = tmp_path_factory.mktemp("site")
+    with warnings.catch_warnings():
+        # Dependencies of MkDocs warn of each other's future.
+        warnings.simplefilter("ignore")
+        build(load_config(str(ROOT / "mkdocs.yml"), site_dir=str(folder), strict=True))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages(site):
+    """The pages of the site by their place in it."""
+    return {
+        page.relative_to(site).as_posix(): Links(page.read_text(encoding="utf-8"))
+        for page in sorted(site.rglob("*.html"))
     }
-    assert pages == {*names, "index"}
-    assert "exact" in (tmp_path / "flatgym" / "quadrotor.html").read_text(encoding="utf-8")
 
 
-def test_names_imported_when_asked_for_are_found():
-    names, before = vars(optimal), set(vars(optimal))
-    DOCS["resolve"]("optimal")
-    try:
-        assert set(optimal.__all__) <= names.keys()
-    finally:  # so that other tests may still put another name in its place
-        for name in set(names) - before:
-            del names[name]
+def test_every_page_and_every_public_module_is_in_the_site(pages):
+    written = {page.stem for page in (ROOT / "docs").glob("*.md")} | {"contributing", "changelog"}
+    assert {f"{name}.html" for name in written} <= set(pages)
+    ids = {name for page in pages.values() for name in page.ids}
+    for package in HOOKS["PACKAGES"]:
+        for folder in HOOKS["folders"](package):
+            assert f"api/{folder}.html" in pages
+            assert set(HOOKS["modules"](folder)) <= ids
+    assert {"flatgym.quadrotor.Quadrotor.step", "optimal.minimum_time.solve"} <= ids
+
+
+def test_no_page_loads_anything_from_the_net(site, pages):
+    for name, page in pages.items():
+        assert [url for url in page.loaded if re.match(r"(https?:)?//", url)] == [], name
+    for style in site.rglob("*.css"):
+        assert not re.search(r"(url\(|@import )['\"]?(https?:)?//", style.read_text(encoding="utf-8")), style
+
+
+def test_every_link_and_anchor_of_the_site_exists(site, pages):
+    for name, page in pages.items():
+        if name == "404.html":  # served for any address, so its links begin at the root
+            continue
+        for link in page.links:
+            path, _, anchor = unquote(link).partition("#")
+            if re.match(r"\w+:", link):
+                continue
+            target = (site / name).parent / path if path else site / name
+            assert target.resolve().exists(), f"{name}: {link}"
+            if anchor and target.suffix == ".html":
+                found = pages[target.resolve().relative_to(site.resolve()).as_posix()]
+                assert anchor in found.ids or anchor == "__comments", f"{name}: {link}"
+
+
+def test_formulas_are_mathml(site):
+    text = (site / "environment.html").read_text(encoding="utf-8")
+    assert text.count("<math") > 10
+    assert "arithmatex" not in re.sub(r"<style.*?</style>", "", text, flags=re.DOTALL)
+    assert (
+        HOOKS["mathml"](r"a &lt; b", block=True).count("&lt;") + HOOKS["mathml"]("a < b", block=True).count("&lt;") == 2
+    )
+
+
+def test_the_search_works_from_the_file_system(site, chromium):
+    from playwright.sync_api import sync_playwright
+
+    asked = []
+    with sync_playwright() as playwright:
+        tab = playwright.chromium.launch(executable_path=chromium).new_page()
+        tab.on("request", lambda request: asked.append(request.url))
+        tab.goto((site / "index.html").as_uri())
+        tab.fill("[data-md-component=search-query]", "hamiltonian drift")
+        tab.wait_for_selector(".md-search-result__item a[href*='optimum.html']", state="attached")
+    assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
 def test_the_citation_is_of_this_version_and_licence():

@@ -1,72 +1,107 @@
-"""Publish the latest results: `make readme` copies them and rebuilds README's tables and pictures.
+"""Publish the latest results: `flatquad publish` copies them and rebuilds the tables and pictures of README and docs.
 
-`experiments/results` holds your own runs and is not committed; `experiments/results/published` holds
-the runs README speaks of. Between `<!-- NAME -->` and `<!-- /NAME -->` the README holds what `blocks`
-returns; a test compares the two, so that a number typed by hand does not last.
+`experiments/results` holds your own runs and is not committed. `experiments/results/published` is committed and holds
+the runs that README and docs report. Between `<!-- NAME -->` and `<!-- /NAME -->` a page holds what `BLOCKS[NAME]`
+returns. A test compares the two, which finds numbers typed by hand.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
 
+from agents.imitation import CloneConfig, DaggerConfig
 from agents.policies.archive import PRETRAINED
-from experiments.files import PUBLISHED, RESULTS, ROOT, published
+from agents.training.configs import PPOConfig
+from experiments.files import PUBLISHED, REPOSITORY_RESULTS, ROOT, published
 from experiments.publishing import learner_figure, pictures
+from experiments.publishing.defaults import defaults
 from experiments.publishing.demonstrations import demos
 from experiments.publishing.environments import environments
 from experiments.publishing.learners import learners, scores
 from experiments.publishing.paper import paper
 from experiments.publishing.policies import pretrained
-from experiments.publishing.solvers import optima, roads
+from experiments.publishing.scenarios import sheet, table
+from experiments.publishing.solvers import methods, optima
 from flatgym.files import write_text
+from flatgym.quadrotor import Quadrotor
+from flatgym.scenarios.distributions import Distribution
+from flatgym.scenarios.disturbances import Disturbances
+from flatgym.scenarios.scenario import Hoop, Scenario, Tolerance
 
 FILES = ("benchmark.json", "benchmark.csv", "paper.json", "solvers.json", "envs.json", "demos.json", "learners.json")
+BLOCK = re.compile(r"(<!-- ([\w-]+) -->\n)(.*?)(<!-- /\2 -->)", re.DOTALL)
+MARKER = re.compile(r"<!-- /?[\w-]+ -->")
+BLOCKS: dict[str, Callable[[], str]] = {
+    "flight": lambda: pictures.caption(published("benchmark.json")),
+    "flights": lambda: pictures.captions(published("benchmark.json")),
+    "scenarios": table,
+    "scores": lambda: scores(published("benchmark.json")),
+    "paper": lambda: paper(published("paper.json")),
+    "optima": lambda: optima(published("solvers.json")),
+    "methods": lambda: methods(published("solvers.json")),
+    "environments": lambda: environments(published("envs.json")),
+    "learners": lambda: learners(published("learners.json")),
+    "pretrained": lambda: pretrained(PRETRAINED),
+    "demonstrations": lambda: demos(published("demos.json")),
+    **{
+        f"{kind.__name__}-defaults": lambda kind=kind: defaults(kind)  # type: ignore[misc]
+        for kind in (
+            Quadrotor, Hoop, Tolerance, Scenario, Distribution, Disturbances, PPOConfig, CloneConfig, DaggerConfig,
+        )
+    },
+}  # fmt: skip
+"""The generated parts of the pages, by name; a part may stand in several pages."""
 
 
-def blocks() -> dict[str, str]:
-    """Return the generated parts of the README by name."""
-    return {
-        "flights": pictures.captions(published("benchmark.json")),
-        "scores": scores(published("benchmark.json")),
-        "paper": paper(published("paper.json")),
-        "optima": optima(published("solvers.json")),
-        "roads": roads(published("solvers.json")),
-        "environments": environments(published("envs.json")),
-        "learners": measured("learners.json", learners),
-        "pretrained": pretrained(PRETRAINED),
-        "demos": measured("demos.json", demos),
-    }
+def pages() -> list[Path]:
+    """Return the pages with generated parts: README.md, then docs/*.md."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
-def measured(name: str, told: Callable[[dict[str, Any]], str]) -> str:
-    """Return what is told of a results file, or that there is none yet: those of hours' work come last."""
-    return told(published(name)) if (PUBLISHED / name).exists() else "Not measured yet."
+def blocks_in(text: str) -> list[str]:
+    """Return the names of the blocks of a page, in order."""
+    return [found[1] for found in BLOCK.findall(text)]
 
 
-def filled(text: str) -> str:
-    """Return the README's text with its blocks replaced."""
-    for name, block in blocks().items():
-        pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
-        parts = pattern.split(text)
-        if len(parts) != 4:
-            raise ValueError(f"README.md must hold one block <!-- {name} --> ... <!-- /{name} -->")
-        text = parts[0] + parts[1] + block + "\n" + parts[2] + parts[3]
-    return text
+def filled(text: str, page: Path) -> str:
+    """Return the text of a page with its blocks replaced; links to files become relative to the page's folder.
+
+    Raises:
+        ValueError: for a block of an unknown name, and for a marker without its pair.
+    """
+    unknown = sorted(set(blocks_in(text)) - set(BLOCKS))
+    if unknown:
+        raise ValueError(f"{page.name}: unknown block {unknown[0]!r}; known: {', '.join(BLOCKS)}")
+    lone = MARKER.findall(BLOCK.sub("", text))
+    if lone:
+        raise ValueError(f"{page.name}: {lone[0]} has no pair; a block is <!-- NAME --> ... <!-- /NAME -->")
+    up = "../" * len(page.parent.relative_to(ROOT).parts)
+
+    def replaced(found: re.Match[str]) -> str:
+        block = BLOCKS[found[2]]().replace("](experiments/", f"]({up}experiments/")
+        return f"{found[1]}{block}\n{found[4]}"
+
+    return BLOCK.sub(replaced, text)
 
 
-def main() -> None:
-    """Publish what new results there are, and bring README.md up to date."""
+def publish() -> None:
+    """Copy new results to the published ones, rebuild the tables of all pages, and draw the pictures.
+
+    The pictures need the extra `figures` and a Chromium.
+    """
     for name in FILES:
-        if (RESULTS / name).exists():
-            write_text(PUBLISHED / name, (RESULTS / name).read_text(encoding="utf-8"))
-    path = ROOT / "README.md"
-    write_text(path, filled(path.read_text(encoding="utf-8")))
-    pictures.draw(PUBLISHED, published("benchmark.json"), published("paper.json"))
-    if (PUBLISHED / "learners.json").exists():
-        learner_figure.draw(PUBLISHED, published("learners.json"))
+        if (REPOSITORY_RESULTS / name).exists():
+            write_text(PUBLISHED / name, (REPOSITORY_RESULTS / name).read_text(encoding="utf-8"))
+    for page in pages():
+        write_text(page, filled(page.read_text(encoding="utf-8"), page))
+    draw(PUBLISHED)
 
 
-if __name__ == "__main__":
-    main()
+def draw(folder: Path) -> None:
+    """Draw all pictures of the published results to a folder."""
+    benchmark = published("benchmark.json")
+    write_text(folder / "scenarios.svg", sheet())
+    pictures.draw(folder, benchmark, published("paper.json"))
+    learner_figure.draw(folder, published("learners.json"))
