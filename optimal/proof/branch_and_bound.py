@@ -1,9 +1,9 @@
-"""Branch and bound at one time T: is every flight that takes T impossible?
+"""Branch and bound for one time T: is every flight of duration T excluded?
 
-Flights are sorted by their turns; a branch for which no multipliers are found is halved: the interval in which a
-hoop is passed while that is what is in the way - while it is wide, or the middle of it alone could be excluded -
-else the tilt, at the instant where halving helps most. The hardest branch comes first. What was shown stays for the
-next T.
+The roots of the search are the windings. A branch for which no excluding multipliers are found is halved, the hardest
+branch first. It is halved by the passing time of a hoop while the width of that interval is the obstacle: while the
+interval is wide, or while its midpoint alone can be excluded. Otherwise it is halved by the tilt, at the instant where
+this helps most. The branches and multipliers of an excluded time are the start for the next time.
 """
 
 from __future__ import annotations
@@ -21,133 +21,137 @@ import numpy as np
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario, Tolerance
 from optimal.proof.branches import Branch, Interval
-from optimal.proof.bundle_method import STEPS, separate
+from optimal.proof.bundle_method import MAX_EVALUATIONS, separate
 from optimal.proof.dual import Dual, hoop_kinks
-from optimal.proof.tilt_program import TINY, TimeGrid
+from optimal.proof.rounding import LEAST_LENGTH
+from optimal.proof.time_grid import TimeGrid
 
-HELD_SHARES = (0.25, 0.5, 0.75)
+TILT_SHARES = (0.25, 0.5, 0.75)
 """Instants at which the tilt may be halved, as shares of T."""
-TRIAL_STEPS = 24
-"""Steps granted to the question whether one passing time could be excluded alone."""
-FAINT = 0.3
-"""What the kink at a hoop counts for at least, as a share of the greatest: an interval costs its kink times its width,
-but where it is wide the kink may be small because it costs so much."""
-WIDE = 1 / 32
-"""Intervals of passing times wider than this are halved without asking."""
+MIDPOINT_EVALUATIONS = 24
+"""Most evaluations of F to decide whether the midpoints of the passing intervals can be excluded."""
+KINK_FLOOR = 0.3
+"""Least weight of a hoop's kink in the choice of the interval to halve, as a share of the greatest kink. An interval
+costs its kink times its width, but the kink of a wide interval may be small because it is costly."""
+WIDE_INTERVAL = 1 / 32
+"""Passing intervals wider than this share of T are halved without a trial."""
 
 
-class Shown(NamedTuple):
-    """A branch, and multipliers that show it to be impossible."""
+class ExcludedBranch(NamedTuple):
+    """A branch, and multipliers that exclude it."""
 
     branch: Branch
     multipliers: Array
 
 
 class BranchBound(NamedTuple):
-    """A branch, the best multipliers found for it, and F with them; less than 0 proves the branch impossible."""
+    """A branch, the best multipliers found for it, and the value of F; a negative value excludes the branch."""
 
-    shown: Shown
+    candidate: ExcludedBranch
     value: float
 
 
 def windings(scenario: Scenario, tolerance: Tolerance | None, duration: float) -> range:
-    """Return the numbers of turns that can be made within a duration [s]."""
+    """Return the windings that can be flown within a duration [s]."""
     slack = tolerance.angle if tolerance else 0.0
     most = math.floor((scenario.quadrotor.rate_max * duration + slack) / (2 * math.pi)) + 1
     return range(-most, most + 1)
 
 
 @dataclass
-class Exclusion:
-    """A growing proof: branches that cover all flights, and multipliers for each.
+class BranchAndBound:
+    """A search for branches that cover all flights, and multipliers that exclude each of them.
 
     Args:
         scenario: the task.
-        tolerance: what counts as arrived; None is exactly at rest at the goal.
-        kinks: where q may bend at floor and ceiling, as shares of T.
-        shown: branches to begin with, and multipliers to begin from.
-        deadline: when to stop, as time.monotonic tells it [s].
+        tolerance: goal tolerance; None requires exact rest at the goal.
+        kinks: times at which the slope of q may jump at floor and ceiling, as shares of T.
+        branches: branches that cover all flights, and initial multipliers. After `exclude` returned True they are the
+            excluded branches with their multipliers.
+        deadline: when to stop, on the clock of `time.monotonic` [s].
     """
 
     scenario: Scenario
     tolerance: Tolerance | None
     kinks: Sequence[float]
-    shown: Sequence[Shown]
+    branches: Sequence[ExcludedBranch]
     deadline: float
     evaluations: int = field(default=0, init=False)
 
     def exclude(self, grid: TimeGrid) -> bool:
-        """Return whether each branch was shown to be impossible for the grid's time before the deadline."""
-        done: list[Shown] = []
-        open_: list[tuple[float, int, Shown]] = []
-        left, number = list(self.shown), count()
+        """Return whether all branches were excluded for the time of a grid before the deadline."""
+        excluded: list[ExcludedBranch] = []
+        queue: list[tuple[float, int, ExcludedBranch]] = []
+        untried, number = list(self.branches), count()
 
-        def sort(tried: Iterable[BranchBound]) -> None:
-            for shown, value in tried:
+        def sort(bounds: Iterable[BranchBound]) -> None:
+            for candidate, value in bounds:
                 if value < 0:
-                    done.append(shown)
+                    excluded.append(candidate)
                 else:
-                    heapq.heappush(open_, (-value, next(number), shown))
+                    heapq.heappush(queue, (-value, next(number), candidate))
 
-        while left or open_:
+        while untried or queue:
             if time.monotonic() > self.deadline:
-                self.shown = [*done, *left, *(shown for _, _, shown in open_)]
+                self.branches = [*excluded, *untried, *(candidate for _, _, candidate in queue)]
                 return False
-            if left:
-                sort([self._try(grid, left.pop())])
+            if untried:
+                sort([self._bound(grid, untried.pop())])
             else:
-                sort(self._halves(grid, heapq.heappop(open_)[2]))
-        self.shown = done
+                sort(self._halves(grid, heapq.heappop(queue)[2]))
+        self.branches = excluded
         return True
 
-    def _try(self, grid: TimeGrid, shown: Shown, steps: int = STEPS) -> BranchBound:
-        branch, start = shown
+    def _bound(self, grid: TimeGrid, candidate: ExcludedBranch, max_evaluations: int = MAX_EVALUATIONS) -> BranchBound:
+        """Search for multipliers that exclude a branch, from those of the candidate."""
+        branch, start = candidate
         dual = Dual(self.scenario, grid, branch, self.tolerance, self.kinks)
         if not dual.possible:
-            return BranchBound(shown, -math.inf)
-        found = separate(dual, start, steps)
-        self.evaluations += found.evaluations
-        return BranchBound(Shown(branch, found.multipliers), found.value)
+            return BranchBound(candidate, -math.inf)
+        separation = separate(dual, start, max_evaluations)
+        self.evaluations += separation.evaluations
+        return BranchBound(ExcludedBranch(branch, separation.multipliers), separation.value)
 
-    def _halves(self, grid: TimeGrid, shown: Shown) -> list[BranchBound]:
-        """Return the halves of a branch, tried."""
-        hoop = self._hoop_in_the_way(grid, shown)
+    def _halves(self, grid: TimeGrid, candidate: ExcludedBranch) -> list[BranchBound]:
+        """Return the bounds of the two halves of a branch."""
+        branch, multipliers = candidate
+        hoop = self._hoop_to_halve(grid, candidate)
         if hoop is not None:
-            return [self._try(grid, Shown(half, shown.multipliers)) for half in shown.branch.halve_passing(hoop)]
+            return [self._bound(grid, ExcludedBranch(half, multipliers)) for half in branch.halve_passing(hoop)]
         best: list[BranchBound] = []
-        for share in HELD_SHARES:
-            halves = shown.branch.halve_tilt(share, self._reach(grid, shown.branch, share))
-            tried = [self._try(grid, Shown(half, shown.multipliers)) for half in halves]
-            if not best or _difficulty(tried) < _difficulty(best):
-                best = tried
+        for share in TILT_SHARES:
+            halves = branch.halve_tilt(share, self._reachable_tilts(grid, branch, share))
+            bounds = [self._bound(grid, ExcludedBranch(half, multipliers)) for half in halves]
+            if not best or _difficulty(bounds) < _difficulty(best):
+                best = bounds
             if _difficulty(best) < (1, 0.0):
                 break
         return best
 
-    def _hoop_in_the_way(self, grid: TimeGrid, shown: Shown) -> int | None:
-        """Return the hoop whose passing time is to be known better; None if that would not help."""
-        branch, start = shown
+    def _hoop_to_halve(self, grid: TimeGrid, candidate: ExcludedBranch) -> int | None:
+        """Return the hoop whose passing interval should be halved; None if that would not help."""
+        branch, start = candidate
         if not branch.passing:
             return None
         widths = np.array([high - low for low, high in branch.passing])
         kinks = np.hypot(*hoop_kinks(start, len(widths)).T)
-        loosest = int(np.argmax(widths * (kinks + FAINT * kinks.max() + TINY)))
-        if widths[loosest] > WIDE:
-            return loosest
-        if widths[loosest] * grid.steps <= 1:
+        costliest = int(np.argmax(widths * (kinks + KINK_FLOOR * kinks.max() + LEAST_LENGTH)))
+        if widths[costliest] > WIDE_INTERVAL:
+            return costliest
+        if widths[costliest] * grid.steps <= 1:
             return None
-        middles = tuple(((low + high) / 2,) * 2 for low, high in branch.passing)
-        alone = self._try(grid, Shown(replace(branch, passing=middles), start), TRIAL_STEPS)
-        return loosest if alone.value < 0 else None
+        midpoints = tuple(((low + high) / 2,) * 2 for low, high in branch.passing)
+        alone = ExcludedBranch(replace(branch, passing=midpoints), start)
+        return costliest if self._bound(grid, alone, MIDPOINT_EVALUATIONS).value < 0 else None
 
-    def _reach(self, grid: TimeGrid, branch: Branch, share: float) -> Interval:
-        """Return the tilts a flight of a branch can have at an instant, by its rate alone [rad]."""
+    def _reachable_tilts(self, grid: TimeGrid, branch: Branch, share: float) -> Interval:
+        """Return the range of tilts that a flight of a branch can have at an instant, by the rate limit alone [rad]."""
         before, after = (grid.rate_max * grid.time * part for part in (share, 1 - share))
         slack, end = self.tolerance.angle if self.tolerance else 0.0, 2 * math.pi * branch.winding
         return max(-before, end - slack - after), min(before, end + slack + after)
 
 
-def _difficulty(tried: Sequence[BranchBound]) -> tuple[int, float]:
-    """Return how many branches are left to show, and the greatest F among them."""
-    left = [value for _, value in tried if value >= 0]
+def _difficulty(bounds: Sequence[BranchBound]) -> tuple[int, float]:
+    """Return the number of branches that are not excluded, and the greatest F among them."""
+    left = [value for _, value in bounds if value >= 0]
     return len(left), max(left, default=0.0)

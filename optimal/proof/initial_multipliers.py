@@ -1,8 +1,8 @@
-"""From a direct solution's costates to the multipliers of its dual: where every proof begins.
+"""Initial multipliers of a proof, from the costates of a direct solution.
 
-The costate of velocity is the weight q, that of position less its slope; where a hoop is passed or a height
-touched, the slope jumps. A flight that is optimal to solver precision so comes with multipliers that are optimal to
-the same precision, and prove most of its optimality at once.
+The costate of velocity is the weight q, and the costate of position is minus its slope. The slope jumps where a hoop
+is passed and where floor or ceiling is active. The multipliers of a flight that is optimal to solver precision are
+optimal to the same precision. They prove most of its optimality in the first evaluation.
 """
 
 from __future__ import annotations
@@ -16,34 +16,37 @@ from flatgym.scenarios.scenario import Scenario
 from optimal.direct.shooting import ShootingSolution
 
 KINKS = tuple(k / 16 for k in range(1, 16))
-"""Where q may bend at floor and ceiling, as shares of T, besides where the flight found touches them."""
-TOUCHES = 1e-3
-"""A jump of the costate this great, relative to the costate, is a touch of floor or ceiling."""
+"""Times at which the slope of q may jump at floor and ceiling, as shares of T, in addition to the flight's own."""
+ACTIVE_JUMP = 1e-3
+"""Jump of the position costate, relative to its largest value, from which floor or ceiling counts as active."""
 
 
 def active_heights(shot: ShootingSolution) -> Array:
-    """Return how much the costate of height jumps at the end of each step, where it touches floor or ceiling, (N,)."""
+    """Return the jump of the height costate at the end of each step where floor or ceiling is active, shape (N,).
+
+    The jump is zero at all other steps.
+    """
     slopes = shot.costates[:, 1]
     jumps = np.diff(slopes, append=slopes[-1])
-    jumps[np.cumsum(shot.steps)[:-1] - 1] = 0.0  # those are the hoops'
-    return np.where(np.abs(jumps) > TOUCHES * np.abs(shot.costates[:, 0:2]).max(), jumps, 0.0)
+    jumps[np.cumsum(shot.steps)[:-1] - 1] = 0.0  # jumps at hoops
+    return np.where(np.abs(jumps) > ACTIVE_JUMP * np.abs(shot.costates[:, 0:2]).max(), jumps, 0.0)
 
 
 def kink_shares(scenario: Scenario, shot: ShootingSolution) -> tuple[float, ...]:
-    """Return where q may bend at floor and ceiling, as shares of T; none where there is neither."""
+    """Return the times at which the slope of q may jump at floor and ceiling, as shares of T; empty without either."""
     if scenario.floor is None and scenario.ceiling is None:
         return ()
-    touched = shot.trajectory.breakpoints[1:][active_heights(shot) != 0] / shot.trajectory.duration
-    return tuple(sorted({*KINKS, *touched.tolist()}))
+    active = shot.trajectory.breakpoints[1:][active_heights(shot) != 0] / shot.trajectory.duration
+    return tuple(sorted({*KINKS, *active.tolist()}))
 
 
 def multipliers(scenario: Scenario, shot: ShootingSolution, kinks: Sequence[float]) -> Array:
-    """Return the multipliers of `optimal.proof.dual.Dual` that a direct solution's costates stand for, shape (size,).
+    """Return the multipliers of `optimal.proof.dual.Dual` given by the costates of a direct solution, shape (size,).
 
     Args:
-        scenario: what was flown.
-        shot: the direct solution, on any grid.
-        kinks: where q may bend at floor and ceiling, as shares of T.
+        scenario: the task.
+        shot: its direct solution, on any grid.
+        kinks: times at which the slope of q may jump at floor and ceiling, as shares of T.
     """
     costates, breakpoints = shot.costates, shot.trajectory.breakpoints
     slopes, duration = -costates[:, 0:2] * breakpoints[-1], breakpoints[-1]

@@ -1,9 +1,9 @@
-"""The proof that nothing is faster: a lower bound of the flight time, with all that is needed to check it.
+"""A proven lower bound of the flight time, with the data needed to check it again.
 
-T is impossible when every flight that takes T belongs to a branch that is shown to be impossible
-(`optimal.proof.branch_and_bound`); so are all shorter times, because a flight could hover first. T begins well below the fastest
-flight known and comes closer by halves of the gap, or one environment step after the other, so that whatever time
-is granted ends in a proof of something. Multipliers start as the costates of the fastest flight found.
+A time T is excluded if every flight of duration T belongs to an excluded branch (`optimal.proof.branch_and_bound`). All
+shorter times are then excluded too, because a flight could hover first. The first T is well below the time of the
+fastest known flight. The gap to that time is then halved repeatedly, so that any time budget ends with a proof. The
+initial multipliers are the costates of the fastest known flight.
 """
 
 from __future__ import annotations
@@ -17,57 +17,55 @@ from enum import StrEnum
 from flatgym.quadrotor import Array
 from flatgym.scenarios.catalogue import ScenarioLike, scenario
 from flatgym.scenarios.scenario import Scenario, Tolerance
-from flatgym.task.transition import CONTACT_SLACK
-from optimal.direct.feasibility import beyond_horizon, impossible, suspect
+from optimal.direct.feasibility import beyond_horizon, infeasibility_proof, infeasibility_suspect
 from optimal.direct.multistart import search
-from optimal.direct.shooting import ShootingSolution, solve_winding
+from optimal.direct.shooting import ShootingSolution
 from optimal.flights.projection_bound import passing_windows, projection_bound
-from optimal.proof.branch_and_bound import Exclusion, Shown, windings
+from optimal.proof.branch_and_bound import BranchAndBound, ExcludedBranch, windings
 from optimal.proof.branches import Branch, covered
 from optimal.proof.dual import Dual
 from optimal.proof.initial_multipliers import kink_shares, multipliers
-from optimal.proof.tilt_program import TimeGrid, angles_for, ready, time_grid
+from optimal.proof.tilt_program import compile_kernels
+from optimal.proof.time_grid import TimeGrid, angles_for, time_grid
 
 MAX_GAP, TIME_BUDGET = 1e-3, 60.0
-"""How close to the fastest flight known a bound is to come, relatively, and the time granted for it [s]."""
-LOOSEST = 10.0
-"""A gap from which no proof begins, where the simple bound is no help."""
-ROOM = 1e-9
-"""By how much a task is widened to be sure that an environment's rounding is inside [m, m/s, rad]."""
+"""Requested relative gap between the bound and the fastest known flight, and wall time allowed for it [s]."""
+LARGEST_GAP = 10.0
+"""Upper limit of the first gap of a proof, where the projection bound gives none."""
 
 
 class Verdict(StrEnum):
-    """How a proof ended, as a sentence that says what to do about it."""
+    """How a proof ended, a sentence with advice."""
 
-    CLOSED = "Proven: no flight is faster, to within the gap asked for."
-    BUDGET_SPENT = "Proven, but less close than asked for: the time budget was spent; grant more."
-    FREE = (
-        "Proven, but one step short: a flight whose controls may change at any time arrives a step earlier, which "
-        "this proof cannot tell from one of held controls."
+    CLOSED = "Proven: no flight is faster, to within the requested gap."
+    BUDGET_SPENT = "Proven with a larger gap than requested: the time budget was spent. Increase it for a smaller gap."
+    ONE_STEP_SHORT = (
+        "Proven, but one step short: a flight whose controls may change at any time arrives one step earlier, and this "
+        "proof does not use that controls are held over a step."
     )
     NO_FLIGHT = (
-        "Proven by thrust alone: no flight is known to begin from, so only the simple bound was computed; "
-        "`optimal.solve` says why none was found."
+        "Proven by the projection bound only: no flight is known to start from. `optimal.solve` reports why none was "
+        "found."
     )
     IMPOSSIBLE = "Proven: no flight of this scenario exists, however slow."
 
 
 @dataclass(frozen=True)
 class Proof:
-    """A lower bound with all that is needed to check it.
+    """A proven lower bound with the data needed to check it.
 
     Attributes:
         scenario: the task.
-        tolerance: what counts as arrived; None is exactly at rest at the goal.
-        time: no flight takes less [s]; inf where there is none at all.
-        flown: the time of the fastest flight known [s]; inf where none is.
+        tolerance: goal tolerance; None requires exact rest at the goal.
+        time: no flight takes less [s]; inf if no flight exists.
+        flown: the time of the fastest known flight [s]; inf if none is known.
         verdict: how the proof ended, a sentence.
-        reason: where nothing close to a flight could be proven, why; else empty.
-        grid: the instants of the dual programme; None where `time` is the bound of thrust alone.
-        shown: branches that cover all flights, and their multipliers.
-        kinks: where the weights may bend at floor and ceiling, as shares of T.
-        evaluations: how often F was computed.
-        wall_time: what it took [s].
+        reason: why no flight is known or none exists; else empty.
+        grid: instants and angles of the dynamic programme; None if `time` is the projection bound.
+        excluded: branches that cover all flights, and the multipliers that exclude them.
+        kinks: times at which the slope of q may jump at floor and ceiling, as shares of T.
+        evaluations: number of evaluations of F.
+        wall_time: wall time of the proof [s].
     """
 
     scenario: Scenario
@@ -77,34 +75,35 @@ class Proof:
     verdict: Verdict
     reason: str = ""
     grid: TimeGrid | None = None
-    shown: tuple[Shown, ...] = ()
+    excluded: tuple[ExcludedBranch, ...] = ()
     kinks: tuple[float, ...] = ()
     evaluations: int = 0
     wall_time: float = 0.0
 
     @property
     def gap(self) -> float:
-        """flown / time - 1; inf where nothing was flown."""
+        """The relative gap flown / time - 1; inf if no flight is known."""
         return self.flown / self.time - 1 if math.isfinite(self.flown) and self.time > 0 else math.inf
 
     def check(self) -> bool:
-        """Compute the proof again: do the branches leave no flight out, and is each impossible by its multipliers?
+        """Return whether the proof holds when recomputed: the branches cover all flights, and each is excluded.
 
-        Without branches the bound is that of thrust alone, and computed again.
+        A proof without branches holds if `time` is at most the recomputed projection bound.
         """
         if self.grid is None:
-            least = math.inf if impossible(self.scenario) else projection_bound(self.scenario, self.tolerance)
+            least = math.inf if infeasibility_proof(self.scenario) else projection_bound(self.scenario, self.tolerance)
             return self.time <= least
         if self.grid.rate_max != self.scenario.quadrotor.rate_max:
             return False
         windows = passing_windows(self.scenario, self.flown, self.tolerance)
         for winding in windings(self.scenario, self.tolerance, self.grid.time):
-            branches = [shown.branch for shown in self.shown if shown.branch.winding == winding]
+            branches = [branch for branch, _ in self.excluded if branch.winding == winding]
             if not covered(branches, windows):
                 return False
-        return self.time <= self.grid.time <= self.flown and all(self._excluded(*shown) for shown in self.shown)
+        return self.time <= self.grid.time <= self.flown and all(self._excludes(*each) for each in self.excluded)
 
-    def _excluded(self, branch: Branch, multipliers: Array) -> bool:
+    def _excludes(self, branch: Branch, multipliers: Array) -> bool:
+        """Return whether multipliers exclude a branch for the time of the grid."""
         assert self.grid is not None
         dual = Dual(self.scenario, self.grid, branch, self.tolerance, self.kinks)
         if (multipliers[dual.signed] < 0).any():
@@ -119,25 +118,25 @@ def prove(
     max_gap: float = MAX_GAP,
     time_budget: float = TIME_BUDGET,
 ) -> Proof:
-    """Prove that no flight of a scenario is faster than a time close to that of the fastest found.
+    """Prove a lower bound of the flight time of a scenario, close to the time of the fastest flight found.
 
     Args:
         problem: a scenario or its name.
-        tolerance: what counts as arrived; None is exactly at rest at the goal.
-        max_gap: how close to the fastest flight from rest to rest the bound is to come, relatively.
-        time_budget: when to stop trying [s]; where it is spent, the bound depends on it.
+        tolerance: goal tolerance; None requires exact rest at the goal.
+        max_gap: requested relative gap between the bound and the fastest flight from rest to rest.
+        time_budget: wall time after which the proof stops [s]. A proof that stops there depends on the machine.
 
     Raises:
         ValueError: for an unknown scenario, or a gap or budget that is not positive.
     """
     target = scenario(problem)
-    _check(max_gap, time_budget)
-    if reason := impossible(target):
+    require_positive(max_gap, time_budget)
+    if reason := infeasibility_proof(target):
         return Proof(target, tolerance, math.inf, math.inf, Verdict.IMPOSSIBLE, reason)
     far = beyond_horizon(target)
     shots = () if far else search(target).shots
     if not shots:
-        simple, reason = projection_bound(target, tolerance), far or suspect(target)
+        simple, reason = projection_bound(target, tolerance), far or infeasibility_suspect(target)
         return Proof(target, tolerance, simple, math.inf, Verdict.NO_FLIGHT, reason)
     return prove_near(target, shots[0], tolerance=tolerance, max_gap=max_gap, time_budget=time_budget)
 
@@ -149,7 +148,7 @@ def lower_bound(
     max_gap: float = MAX_GAP,
     time_budget: float = TIME_BUDGET,
 ) -> float:
-    """Return a time [s] that no flight of a scenario can beat; see `prove`, which also says how it is known."""
+    """Return a proven lower bound of the flight time of a scenario [s]; arguments as in `prove`."""
     return prove(problem, tolerance=tolerance, max_gap=max_gap, time_budget=time_budget).time
 
 
@@ -161,59 +160,18 @@ def prove_near(
     max_gap: float = MAX_GAP,
     time_budget: float = TIME_BUDGET,
 ) -> Proof:
-    """Do what `prove` does, from the fastest flight of a scenario and its costates."""
-    _check(max_gap, time_budget)
+    """Prove a lower bound as `prove` does, from a given direct solution of the scenario and its costates."""
+    require_positive(max_gap, time_budget)
     flown = shot.trajectory.duration
     simple = projection_bound(target, tolerance)
     gaps = [max_gap]
-    while gaps[0] < LOOSEST and flown / (1 + 2 * gaps[0]) > simple:
+    while gaps[0] < LARGEST_GAP and flown / (1 + 2 * gaps[0]) > simple:
         gaps.insert(0, 2 * gaps[0])
     grids = [time_grid(flown / (1 + gap), target.quadrotor.rate_max, turn=angles_for(gap)) for gap in gaps]
-    return _raise_bound(target, shot, flown, tolerance, grids, time_budget)
+    return raise_bound(target, shot, flown, tolerance, grids, time_budget)
 
 
-def prove_steps(target: Scenario, shot: ShootingSolution, steps: int, time_budget: float = TIME_BUDGET) -> Proof:
-    """Prove that no flight reaches the goal of an environment in fewer steps than known, or nearly so.
-
-    That controls are held over a step is left out: no flight whatever arrives within the tolerance earlier. Gaps,
-    heights and tolerance are widened by ROOM, so that the environment's rounding is inside.
-    """
-    _check(MAX_GAP, time_budget)
-    wide, fewer = widened(target), (steps - 1) * target.dt
-    free = solve_winding(wide, shot.winding, tolerant=True)
-    known = free.converged and free.trajectory.duration <= fewer * (1 + ROOM)
-    last = free.trajectory.duration / (1 + MAX_GAP) if known else fewer
-    simple, less, times = projection_bound(wide, wide.tolerance), 2, [last]
-    while (steps - less) * target.dt > simple:
-        if (steps - less) * target.dt < last:
-            times.insert(0, (steps - less) * target.dt)
-        less *= 2
-    turns = [angles_for(steps * target.dt / value - 1) for value in times[:-1]] + [angles_for(MAX_GAP)]
-    rate = target.quadrotor.rate_max
-    grids = [time_grid(value * (1 + ROOM), rate, turn=turn) for value, turn in zip(times, turns, strict=True)]
-    proof = _raise_bound(wide, shot, steps * target.dt, wide.tolerance, grids, time_budget)
-    return replace(proof, verdict=Verdict.FREE) if known and proof.verdict is Verdict.CLOSED else proof
-
-
-def least_steps(proof: Proof) -> int:
-    """Return the fewest environment steps that a proof leaves possible."""
-    # The quotient may have been rounded across a whole number, the product is compared as the environment's time is.
-    shown = round(proof.time / proof.scenario.dt)
-    return shown + 1 if shown * proof.scenario.dt <= proof.time else shown
-
-
-def widened(target: Scenario) -> Scenario:
-    """Return a scenario with gaps, heights and tolerance wider by ROOM, heights also by what the environment allows."""
-    near, depth = target.tolerance, CONTACT_SLACK + ROOM
-    return replace(
-        target.with_diameters(hoop.diameter + 2 * ROOM for hoop in target.hoops),
-        floor=None if target.floor is None else target.floor - depth,
-        ceiling=None if target.ceiling is None else target.ceiling + depth,
-        tolerance=Tolerance(near.position + ROOM, near.speed + ROOM, near.angle + ROOM),
-    )
-
-
-def _raise_bound(
+def raise_bound(
     target: Scenario,
     shot: ShootingSolution,
     flown: float,
@@ -221,26 +179,35 @@ def _raise_bound(
     grids: Iterable[TimeGrid],
     budget: float,
 ) -> Proof:
-    """Exclude the times of grids, the shortest first, until one cannot be excluded within the budget."""
-    ready()
+    """Exclude the times of grids in increasing order, until one cannot be excluded within the budget.
+
+    Args:
+        target: the task.
+        shot: its direct solution, for the initial multipliers.
+        flown: the time of the fastest known flight [s].
+        tolerance: goal tolerance; None requires exact rest at the goal.
+        grids: the grids.
+        budget: wall time [s].
+    """
+    compile_kernels()
     begun = time.monotonic()
     kinks = kink_shares(target, shot)
     start = multipliers(target, shot, kinks)
     windows = tuple(passing_windows(target, flown, tolerance))
-    roots = [Shown(Branch(winding, windows), start) for winding in windings(target, tolerance, flown)]
-    exclusion = Exclusion(target, tolerance, kinks, roots, begun + budget)
+    roots = [ExcludedBranch(Branch(winding, windows), start) for winding in windings(target, tolerance, flown)]
+    search_tree = BranchAndBound(target, tolerance, kinks, roots, begun + budget)
     proof = Proof(target, tolerance, projection_bound(target, tolerance), flown, Verdict.CLOSED)
     for grid in grids:
-        # The windows in which hoops are passed hold for flights that take no longer than `flown`.
-        if grid.time > flown or not exclusion.exclude(grid):
+        # The windows of the passing times are valid for flights that take no longer than `flown`.
+        if grid.time > flown or not search_tree.exclude(grid):
             proof = replace(proof, verdict=Verdict.BUDGET_SPENT)
             break
         if grid.time > proof.time:
-            proof = replace(proof, time=grid.time, grid=grid, shown=tuple(exclusion.shown), kinks=kinks)
-    return replace(proof, evaluations=exclusion.evaluations, wall_time=time.monotonic() - begun)
+            proof = replace(proof, time=grid.time, grid=grid, excluded=tuple(search_tree.branches), kinks=kinks)
+    return replace(proof, evaluations=search_tree.evaluations, wall_time=time.monotonic() - begun)
 
 
-def _check(max_gap: float, time_budget: float) -> None:
+def require_positive(max_gap: float, time_budget: float) -> None:
     for name, value in (("max_gap", max_gap), ("time_budget", time_budget)):
         if not value > 0:
             raise ValueError(f"{name} must be positive, got {value!r}")

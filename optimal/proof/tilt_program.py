@@ -1,45 +1,52 @@
-"""How much thrust can do at most for a weight q(t): a proven bound, by a dynamic programme over the tilt.
+"""A proven bound of the integral of q . a, for a given weight q(t), by a dynamic programme over the tilt.
 
-Position and velocity do not matter here; the tilt theta is all the state there is. With e = (sin theta, cos theta),
+The only state is the tilt theta. With e = (sin theta, cos theta), the greatest reward over the thrust f is
 
     r(t, theta) = max over f of q . (f e - g e_z) = max(thrust_max q . e, thrust_min q . e) - g q_z.
 
-Theorem. Let q be linear between the instants t_k = k dt, k = 0..N, T = N dt, angles d = rate_max dt = 2 pi / turn
-apart, and let first, last >= 0. For every tilt with theta(0) = 0, |theta'| <= rate_max and theta(T) within `slack`
-of 2 pi winding, and any thrust within its limits,
+Theorem. Let t_k = k dt for k = 0..N, T = N dt, and let q be linear between these instants. Let d = rate_max dt =
+2 pi / turn be the angle between grid angles, and let first, last >= 0 be penalties. Consider any tilt with
+theta(0) = 0, |theta'| <= rate_max and theta(T) within `slack` of 2 pi winding, and any thrust within its limits. Then
 
     integral of q . a dt  <=  (M_0 + M_1)/2 + first d/2 + last (slack + d/2) + I,
+
     M_j = max of  sum over k = 0..N-1 of dt r(t_(k+j), theta_k) - first |theta_0| - last |theta_(N-1) - 2 pi winding|
-          over sequences of multiples of d, each at most d from the one before,
+          over all sequences theta_0, ..., theta_(N-1) of multiples of d with |theta_k - theta_(k-1)| <= d,
     I   = d^2/8 sum over k of dt thrust_max |q(t_k)|, averaged over both sums as the M_j are.
 
-Proof, in four steps.
-1. Sampling. The integral of r(t, theta(t)) is the average over u in [0, dt] of the sums of dt r(t_k + u, theta(t_k
-   + u)). Their terms are tilts at most d apart: each sum is at most what any sequence with that property can reach,
-   so no error of the rate accumulates. Nor is the sum made smaller by adding first (rate_max u - |theta_0|) and
-   last (slack + rate_max (dt - u) - |theta_(N-1) - 2 pi winding|), which a flight keeps nonnegative.
-2. Convexity. For a fixed sequence each sum is convex in u, because q is linear in u and r convex in q; so is their
-   maximum S(u). The average of a convex function is at most the mean of its values at both ends, which is the bound,
-   with the maximum taken over all real sequences instead of multiples of d.
-3. Grid. If V is linear between multiples of d, its maximum over the window [theta - d, theta + d] is, between two
-   multiples, the greatest of two linear functions and a constant, convex, hence at most the chord between its
-   values at the multiples. And r is at most its own chord plus d^2/8 thrust_max |q|, as it is the greater of two
-   functions whose second derivatives are at least -thrust_max |q|. The penalties are linear between multiples. So
-   by induction backwards in k the programme on multiples of d, plus I, bounds the programme on all angles.
-4. Rounding. All that is added is at most B = sum of dt (thrust_max + g) (|q_x| + |q_z|) + (first + last) times the
-   range of angles, in magnitude. A reward is off by at most 32 units in the last place of its magnitude (weight 4,
-   angle of the table 14, sine 2, the rest products and sums), a sum of N terms by N units of B. `rounding` is twice
-   all that.
+Proof.
 
-Where tilts are held within bounds at some instant (branches of a proof), the sequences are too, one d wider, as
-they are sampled up to dt before or after it.
+Step 1 (sampling). The integral of r(t, theta(t)) over [0, T] is the average over u in [0, dt] of the sums
+sum over k of dt r(t_k + u, theta_k) with theta_k = theta(t_k + u). By the rate limit, consecutive theta_k of one sum
+differ by at most d. Each sum is therefore at most the maximum over all real sequences with that property, and no error
+of the rate accumulates. A flight keeps the two terms first (rate_max u - |theta_0|) and
+last (slack + rate_max (dt - u) - |theta_(N-1) - 2 pi winding|) nonnegative, so adding them does not decrease the sum.
+The averages over u of first rate_max u and of last (slack + rate_max (dt - u)) are first d/2 and last (slack + d/2).
+
+Step 2 (convexity). For a fixed sequence each sum is convex in u, because q is linear in u and r is convex in q. The
+maximum S(u) over sequences is convex too. The average of a convex function is at most the mean of its two end values.
+This is the stated bound, with the maxima taken over all real sequences instead of multiples of d.
+
+Step 3 (grid). Let V be linear between multiples of d. For theta between two neighbouring multiples, the maximum of V
+over the window [theta - d, theta + d] is the greatest of two linear functions and a constant. It is convex, hence at
+most the chord between its values at the two multiples. The reward r is at most its own chord plus
+d^2/8 thrust_max |q|, because it is the greater of two functions whose second derivatives are at least
+-thrust_max |q|. The penalties are linear between multiples. By induction backwards in k, the programme on multiples
+of d plus I bounds the programme on all angles.
+
+Step 4 (rounding). The magnitudes of all added terms sum to at most B = sum of dt (thrust_max + g) (|q_x| + |q_z|) +
+(first + last) times the range of angles. A reward is off by at most 32 units in the last place of its magnitude: 4 from
+the weight, 14 from the angle of the table, 2 from the sine, the rest from products and sums. A sum of N terms is off by
+at most N units of B. `rounding` is twice the total.
+
+Held tilts. A branch of a proof may hold the tilt within bounds at some instants. The sequences are then held within
+bounds that are wider by one d, because they are sampled up to dt before or after the instant.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -49,81 +56,20 @@ from numpy.typing import NDArray
 
 from flatgym.quadrotor import Array, Quadrotor
 from optimal.proof.branches import TiltInterval
-
-UNIT = 2.0**-53
-"""Relative rounding of one operation."""
-TINY = 1e-300
-"""Instead of zero where a length divides."""
-FINE, TURN_RANGE = 400, 0.2
-"""Least angles of one turn for a gap of 1e-3, and how many more are considered, relatively, so that some grid ends
-close to any time."""
-
-
-LEAST_STEPS = 100
-"""Fewest instants of a grid, for vehicles that turn little in the time they have."""
-
-
-@dataclass(frozen=True)
-class TimeGrid:
-    """Instants t_k = k dt over which the vehicle can turn by just one of `turn` equal angles.
-
-    Attributes:
-        steps: N.
-        turn: angles of a whole turn.
-        rate_max: of the vehicle [rad/s].
-    """
-
-    steps: int
-    turn: int
-    rate_max: float
-
-    @property
-    def angle(self) -> float:
-        """Angle between neighbours, d [rad]."""
-        return 2 * math.pi / self.turn
-
-    @property
-    def dt(self) -> float:
-        """Time between instants [s]."""
-        return self.angle / self.rate_max
-
-    @property
-    def time(self) -> float:
-        """T [s], rounded downwards."""
-        return self.steps * self.dt * (1 - 8 * UNIT)
-
-
-def time_grid(time: float, rate_max: float, *, turn: int = FINE) -> TimeGrid:
-    """Return the grid whose duration is at least a time, and closest to it.
-
-    Args:
-        time: to come close to [s].
-        rate_max: of the vehicle [rad/s].
-        turn: least angles of one turn.
-    """
-    grids = []
-    turn = max(turn, math.ceil(LEAST_STEPS * 2 * math.pi / (time * rate_max)))
-    for angles in range(turn, round(turn * (1 + TURN_RANGE)) + 1):
-        steps = max(2, math.ceil(time * rate_max * angles / (2 * math.pi)))
-        grids += [TimeGrid(steps, angles, rate_max), TimeGrid(steps + 1, angles, rate_max)]
-    return min((grid for grid in grids if grid.time >= time), key=lambda grid: grid.time)
-
-
-def angles_for(gap: float) -> int:
-    """Return the angles of a turn whose interpolation, falling with their square, costs a small share of a gap."""
-    return max(100, math.ceil(FINE * math.sqrt(1e-3 / gap)))
+from optimal.proof.rounding import LEAST_LENGTH, UNIT_ROUNDOFF
+from optimal.proof.time_grid import LEAST_STEPS, TimeGrid
 
 
 class TiltBound(NamedTuple):
-    """What `TiltProgram` found; integral of q . a dt <= value + interpolation + rounding.
+    """The bound of `TiltProgram`: integral of q . a dt <= value + interpolation + rounding.
 
     Attributes:
         value: (M_0 + M_1)/2 + first d/2 + last (slack + d/2).
         interpolation: I.
-        rounding: what floating point arithmetic may have lost.
-        slope: a subgradient of value + interpolation by q, shape (N+1, 2): dt a of the maximising sequences, averaged
-            over both, and the interpolation's.
-        ends: its derivatives by first and last [rad], shape (2,).
+        rounding: bound of the rounding error.
+        slope: a subgradient of value + interpolation with respect to q, shape (N+1, 2): dt a of the maximising
+            sequences, averaged over both, plus the subgradient of the interpolation.
+        ends: the derivatives with respect to first and last [rad], shape (2,).
     """
 
     value: float
@@ -134,33 +80,33 @@ class TiltBound(NamedTuple):
 
 
 class TiltProgram:
-    """The programme of one vehicle, grid and winding, ready for any weight.
+    """The dynamic programme of one vehicle, grid and winding, for any weight.
 
     Args:
-        quadrotor: its limits and gravity count.
+        quadrotor: the vehicle, for its limits and gravity.
         grid: instants and angles.
-        winding: whole turns between start and end.
-        slack: how far from them the last tilt may be [rad].
-        held: tilts held within bounds.
+        winding: whole turns of the tilt between start and end.
+        slack: greatest deviation of the last tilt from the winding [rad].
+        held: bounds of the tilt at some instants.
     """
 
     def __init__(
         self, quadrotor: Quadrotor, grid: TimeGrid, winding: int, slack: float = 0.0, held: Sequence[TiltInterval] = ()
     ) -> None:
         self.quadrotor, self.grid, self.winding, self.slack = quadrotor, grid, winding, slack
-        self.low, self.high = _reach(grid, winding, slack, held)
+        self.low, self.high = _index_bounds(grid, winding, slack, held)
         self.possible = bool((self.low <= self.high).all())
         self.origin = int(self.low.min()) - 1
         angle = grid.angle * np.arange(self.origin, int(self.high.max()) + 2)
         self._sin, self._cos = np.sin(angle), np.cos(angle)
-        self._values = _scratch(grid.steps, len(angle))
+        self._values = _workspace(grid.steps, len(angle))
 
     def __call__(self, weight: Array, first: float, last: float) -> TiltBound:
         """Bound the integral for one weight.
 
         Args:
             weight: q at the instants, shape (N+1, 2).
-            first, last: penalties of the first and last tilt, not negative.
+            first, last: nonnegative penalties of the first and last tilt.
         """
         grid, quadrotor = self.grid, self.quadrotor
         count, d, dt = grid.steps, grid.angle, grid.dt
@@ -182,36 +128,36 @@ class TiltProgram:
         return TiltBound(
             value=value + first * d / 2 + last * (self.slack + d / 2),
             interpolation=float(share @ length),
-            rounding=float(2 * (count + 64) * UNIT * size),
-            slope=slope + (share / np.maximum(length, TINY))[:, None] * weight,
+            rounding=float(2 * (count + 64) * UNIT_ROUNDOFF * size),
+            slope=slope + (share / np.maximum(length, LEAST_LENGTH))[:, None] * weight,
             ends=ends,
         )
 
 
 @lru_cache(maxsize=1)
-def ready() -> None:
-    """Have the kernel compiled, or loaded from disk, before any clock runs; it takes seconds on a new machine."""
+def compile_kernels() -> None:
+    """Compile the kernels or load them from disk, before a time budget starts. The first compilation takes seconds."""
     TiltProgram(Quadrotor(), TimeGrid(LEAST_STEPS, LEAST_STEPS, 10.0), 0)(np.zeros((LEAST_STEPS + 1, 2)), 0.0, 0.0)
 
 
-def _reach(
+def _index_bounds(
     grid: TimeGrid, winding: int, slack: float, held: Sequence[TiltInterval]
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the least and greatest multiples of d that sample k may take, shape (N,) each; crossed where none."""
+    """Return the least and greatest multiple of d of sample k, shape (N,) each; least > greatest if there is none."""
     k, count, target = np.arange(grid.steps), grid.steps, winding * grid.turn
-    far = math.ceil(slack / grid.angle)
-    low = np.maximum(-(k + 1), target - far - (count - k))
-    high = np.minimum(k + 1, target + far + (count - k))
-    for share, least, most in held:
+    margin = math.ceil(slack / grid.angle)
+    low = np.maximum(-(k + 1), target - margin - (count - k))
+    high = np.minimum(k + 1, target + margin + (count - k))
+    for share, least, greatest in held:
         at = min(max(round(share * count), 0), count)
         apart = np.maximum(np.abs(k - at), np.abs(k + 1 - at))
         low = np.maximum(low, np.floor(least / grid.angle) - apart)
-        high = np.minimum(high, np.ceil(most / grid.angle) + apart)
+        high = np.minimum(high, np.ceil(greatest / grid.angle) + apart)
     return low.astype(np.int64), high.astype(np.int64)
 
 
 @lru_cache(maxsize=8)
-def _scratch(count: int, width: int) -> Array:
+def _workspace(count: int, width: int) -> Array:
     return np.empty((count, width))
 
 
@@ -219,9 +165,9 @@ def _scratch(count: int, width: int) -> Array:
 def _sweep(  # type: ignore[no-untyped-def]
     weight, sin, cos, low, high, origin, limits, dt, first, last, target, values, slope
 ):
-    """Return M and the ends of its sequence; first and last are per multiple of d.
+    """Return M and both ends of its maximising sequence, as multiples of d.
 
-    Half of dt a of the sequence is added to `slope`.
+    The penalties first and last are per multiple of d. Half of dt a of the sequence is added to `slope`.
     """
     thrust_min, thrust_max, gravity = limits
     count = weight.shape[0]
@@ -233,7 +179,7 @@ def _sweep(  # type: ignore[no-untyped-def]
             for i in range(begin, end):
                 values[k, i] -= last * abs(i + origin - target)
         else:
-            # What cannot be reached is worth nothing.
+            # Unreachable angles have value -inf.
             after, inner, outer = values[k + 1], low[k + 1] - origin, high[k + 1] - origin + 1
             for i in range(begin - 1, inner):
                 after[i] = -np.inf
@@ -261,6 +207,7 @@ def _sweep(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _rewards(row, sin, cos, q_x, q_z, limits):  # type: ignore[no-untyped-def]
+    """Write the rewards r of one instant."""
     thrust_min, thrust_max, gravity = limits
     weight = gravity * q_z
     for i in range(row.shape[0]):
@@ -271,6 +218,7 @@ def _rewards(row, sin, cos, q_x, q_z, limits):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _add_best(row, left, middle, right):  # type: ignore[no-untyped-def]
+    """Add the greatest of three neighbouring values of the next instant."""
     for i in range(row.shape[0]):
         best = left[i] if left[i] > right[i] else right[i]
         row[i] += best if best > middle[i] else middle[i]

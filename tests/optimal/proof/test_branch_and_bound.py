@@ -10,11 +10,12 @@ import pytest
 from flatgym import SCENARIOS, Tolerance
 from optimal.direct.multistart import search
 from optimal.flights.projection_bound import passing_windows
-from optimal.proof.branch_and_bound import Exclusion, Shown, windings
+from optimal.proof.branch_and_bound import BranchAndBound, ExcludedBranch, windings
 from optimal.proof.branches import Branch, covered
 from optimal.proof.dual import Dual
 from optimal.proof.initial_multipliers import kink_shares, multipliers
-from optimal.proof.tilt_program import TiltProgram, TimeGrid, time_grid
+from optimal.proof.tilt_program import TiltProgram
+from optimal.proof.time_grid import TimeGrid, time_grid
 
 NAMES = ("horizontal-6", "ground-6", "climb", "hoop", "high-hoop")
 
@@ -24,26 +25,26 @@ def fastest(name):
     return search(SCENARIOS[name], starts=2).shots[0]
 
 
-def exclusion(name: str, seconds: float = 30.0, tolerance: Tolerance | None = None) -> Exclusion:
+def exclusion(name: str, seconds: float = 30.0, tolerance: Tolerance | None = None) -> BranchAndBound:
     """Return the exclusion of all flights of a scenario that are not slower than the fastest known."""
     scenario, shot = SCENARIOS[name], fastest(name)
     kinks = kink_shares(scenario, shot)
     start, longest = multipliers(scenario, shot, kinks), 1.05 * shot.trajectory.duration
     windows = tuple(passing_windows(scenario, longest, tolerance))
-    roots = [Shown(Branch(winding, windows), start) for winding in windings(scenario, tolerance, longest)]
-    return Exclusion(scenario, tolerance, kinks, roots, time.monotonic() + seconds)
+    roots = [ExcludedBranch(Branch(winding, windows), start) for winding in windings(scenario, tolerance, longest)]
+    return BranchAndBound(scenario, tolerance, kinks, roots, time.monotonic() + seconds)
 
 
 def near(name: str, share: float) -> TimeGrid:
     return time_grid(share * fastest(name).trajectory.duration, SCENARIOS[name].quadrotor.rate_max, turn=200)
 
 
-def nothing_lost(proof: Exclusion, name: str) -> bool:
+def nothing_lost(proof: BranchAndBound, name: str) -> bool:
     windows = passing_windows(SCENARIOS[name], 1.05 * fastest(name).trajectory.duration, proof.tolerance)
-    found = {shown.branch.winding for shown in proof.shown}
+    found = {each.branch.winding for each in proof.branches}
     assert found == {*windings(proof.scenario, proof.tolerance, 1.05 * fastest(name).trajectory.duration)}
     return all(
-        covered([shown.branch for shown in proof.shown if shown.branch.winding == winding], windows)
+        covered([each.branch for each in proof.branches if each.branch.winding == winding], windows)
         for winding in found
     )
 
@@ -53,7 +54,7 @@ def test_a_time_too_short_is_excluded_by_branches_each_impossible_that_leave_not
     proof, grid = exclusion(name), near(name, 0.99)
     assert proof.exclude(grid)
     assert nothing_lost(proof, name)
-    for branch, y in proof.shown:
+    for branch, y in proof.branches:
         dual = Dual(proof.scenario, grid, branch, None, proof.kinks)
         assert (y[dual.signed] >= 0).all()
         assert not dual.possible or all(cut.value + cut.rounding < 0 for cut in dual(y))
@@ -75,20 +76,20 @@ def test_within_a_tolerance_less_is_excluded():
 
 def test_when_the_deadline_has_passed_nothing_was_tried():
     proof = exclusion("high-hoop", seconds=-1.0)
-    before = list(proof.shown)
+    before = list(proof.branches)
     assert not proof.exclude(near("high-hoop", 0.9))
     assert proof.evaluations == 0
-    assert sorted(shown.branch.winding for shown in proof.shown) == sorted(shown.branch.winding for shown in before)
+    assert sorted(each.branch.winding for each in proof.branches) == sorted(each.branch.winding for each in before)
 
 
 def test_what_was_shown_serves_the_next_time():
     proof, grid = exclusion("high-hoop"), near("high-hoop", 0.98)
     assert proof.exclude(grid)
-    first, branches = proof.evaluations, len(proof.shown)
+    first, branches = proof.evaluations, len(proof.branches)
     assert proof.exclude(grid)
     # Once for each branch that any flight could belong to.
     assert proof.evaluations - first <= branches < first
-    assert len(proof.shown) == branches
+    assert len(proof.branches) == branches
     assert proof.exclude(near("high-hoop", 0.95))
 
 
@@ -96,7 +97,7 @@ def test_mirrored_flights_are_told_apart_by_their_tilt():
     # Without a turn the fastest flights up come in mirrored pairs, whose average no weight excludes.
     proof = exclusion("climb")
     assert proof.exclude(near("climb", 0.995))
-    held = [shown.branch.held for shown in proof.shown if shown.branch.winding == 0]
+    held = [each.branch.held for each in proof.branches if each.branch.winding == 0]
     assert len(held) > 1
     assert all(held)
 
@@ -104,7 +105,7 @@ def test_mirrored_flights_are_told_apart_by_their_tilt():
 def test_passing_times_are_told_apart():
     proof = exclusion("high-hoop")
     assert proof.exclude(near("high-hoop", 0.995))
-    assert len({shown.branch.passing for shown in proof.shown}) > 1
+    assert len({each.branch.passing for each in proof.branches}) > 1
 
 
 def test_all_turns_that_there_is_time_for_are_looked_at(generator):

@@ -8,10 +8,10 @@ import pytest
 from flatgym import SCENARIOS
 from optimal.direct.shooting import solve_winding
 from optimal.proof.branches import Branch
-from optimal.proof.bundle_method import STEPS, separate
+from optimal.proof.bundle_method import MAX_EVALUATIONS, separate
 from optimal.proof.dual import Cut, Dual
 from optimal.proof.initial_multipliers import kink_shares, multipliers
-from optimal.proof.tilt_program import time_grid
+from optimal.proof.time_grid import time_grid
 
 NAMES = ("horizontal-6", "diagonal", "ground-6")
 
@@ -39,7 +39,7 @@ def test_a_time_too_short_is_separated_from_poor_starts(name, share, generator):
     for spread in (0.0, 0.03, 0.1, 0.3):
         found = separate(dual, perturbed(dual, costates, generator, spread))
         assert found.value < 0
-        assert 1 <= found.evaluations <= STEPS
+        assert 1 <= found.evaluations <= MAX_EVALUATIONS
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -14,7 +14,8 @@ from optimal.proof.branches import Branch, TiltInterval
 from optimal.proof.bundle_method import separate
 from optimal.proof.dual import Dual
 from optimal.proof.initial_multipliers import kink_shares, multipliers
-from optimal.proof.tilt_program import TiltProgram, TimeGrid, time_grid
+from optimal.proof.tilt_program import TiltProgram
+from optimal.proof.time_grid import TimeGrid, time_grid
 
 TURN = 100
 """Angles of a turn: coarse ones, so that the tests are fast."""
@@ -348,7 +349,7 @@ def test_no_multipliers_exclude_the_time_of_a_flight(name, tolerant, generator):
         assert flown.dual.possible
         tries = [flown.around(generator, spread) for spread in (0.0, 0.01, 0.1, 1.0, 10.0) for _ in range(4)]
         assert min(value(flown.dual, y) for y in tries) > 0
-        assert separate(flown.dual, flown.costates, steps=15).value > 0
+        assert separate(flown.dual, flown.costates, max_evaluations=15).value > 0
         # And that says something: the costates come close.
         if not width:
             assert value(flown.dual, flown.costates / np.linalg.norm(flown.costates)) < 0.05
@@ -394,7 +395,7 @@ def test_the_ends_of_a_passing_interval_alone_would_promise_too_much():
             assert whole - 0.8 * term < middle
 
 
-def test_passing_intervals_are_widened_to_instants(generator):
+def test_passing_intervals_are_relaxed_scenario_to_instants(generator):
     grid, scenario = TimeGrid(80, 60, 10.0), SCENARIOS["hoop"]
     y = generator.normal(size=8) ** 2
     narrow = Dual(scenario, grid, Branch(0, ((30.3 / 80, 40.6 / 80),)))

@@ -10,22 +10,23 @@ import pytest
 from flatgym import SCENARIOS, Quadrotor
 from flatgym.task.transition import CONTACT_SLACK
 from optimal.direct.multistart import search
-from optimal.proof.branch_and_bound import Exclusion, Shown
+from optimal.proof.branch_and_bound import BranchAndBound, ExcludedBranch
 from optimal.proof.branches import Branch, covered
 from optimal.proof.dual import Dual
 from optimal.proof.initial_multipliers import multipliers
-from optimal.proof.lower_bound import Proof, Verdict, least_steps, prove, widened
-from optimal.proof.tilt_program import TimeGrid, time_grid
+from optimal.proof.lower_bound import Proof, Verdict, prove
+from optimal.proof.step_bound import least_steps, relaxed_scenario
+from optimal.proof.time_grid import TimeGrid, time_grid
 
 
 def forged(scenario, branch, duration, flown, vehicle=None):
     """Return a proof that flies only what a branch, or another vehicle, allows, but claims to be for all."""
     flies = scenario if vehicle is None else replace(scenario, quadrotor=vehicle)
     start, grid = multipliers(flies, search(flies).shots[0], ()), time_grid(duration, flies.quadrotor.rate_max)
-    roots = [Shown(replace(branch, winding=winding), start) for winding in range(-3, 4)]
-    exclusion = Exclusion(flies, None, (), roots, time.monotonic() + 20)
+    roots = [ExcludedBranch(replace(branch, winding=winding), start) for winding in range(-3, 4)]
+    exclusion = BranchAndBound(flies, None, (), roots, time.monotonic() + 20)
     assert exclusion.exclude(grid)
-    return Proof(scenario, None, grid.time, flown, Verdict.CLOSED, grid=grid, shown=tuple(exclusion.shown))
+    return Proof(scenario, None, grid.time, flown, Verdict.CLOSED, grid=grid, excluded=tuple(exclusion.branches))
 
 
 def test_a_branch_beside_the_window_covers_nothing():
@@ -56,7 +57,7 @@ def test_short_multipliers_say_the_same():
 
 
 def test_steps_are_counted_for_the_contact_an_environment_allows():
-    assert widened(SCENARIOS["ground-6"]).floor <= -CONTACT_SLACK
+    assert relaxed_scenario(SCENARIOS["ground-6"]).floor <= -CONTACT_SLACK
 
 
 def test_a_time_just_short_of_a_step_does_not_count_as_that_step():

@@ -11,7 +11,7 @@ from optimal.direct.shooting import solve_winding
 from optimal.proof.branches import Branch
 from optimal.proof.dual import Dual
 from optimal.proof.initial_multipliers import KINKS, active_heights, kink_shares, multipliers
-from optimal.proof.tilt_program import angles_for, time_grid
+from optimal.proof.time_grid import angles_for, time_grid
 
 LOW = replace(SCENARIOS["horizontal-6"], ceiling=0.05)
 FLOWN = {name: (SCENARIOS[name], 0) for name in ("horizontal-6", "diagonal", "ground-6", "hoop")} | {

@@ -12,7 +12,9 @@ from scipy.optimize import brentq, minimize
 
 from flatgym import Quadrotor
 from optimal.proof.branches import TiltInterval
-from optimal.proof.tilt_program import LEAST_STEPS, UNIT, TiltBound, TiltProgram, TimeGrid, angles_for, time_grid
+from optimal.proof.rounding import UNIT_ROUNDOFF
+from optimal.proof.tilt_program import TiltBound, TiltProgram
+from optimal.proof.time_grid import LEAST_STEPS, TimeGrid, angles_for, time_grid
 
 VEHICLES = (Quadrotor(), Quadrotor(thrust_min=0.5, thrust_max=30, rate_max=5), Quadrotor(3, 14, 20))
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -381,7 +383,7 @@ def test_the_time_of_a_grid_is_rounded_downwards(vehicle, generator):
         steps, turn = (int(n) for n in generator.integers([2, 20], [5000, 2000]))
         grid = TimeGrid(steps, turn, vehicle.rate_max * float(generator.uniform(0.5, 2)))
         exact = 2 * pi * steps / turn / Fraction(grid.rate_max)
-        assert exact * (1 - 16 * Fraction(UNIT)) < Fraction(grid.time) <= exact
+        assert exact * (1 - 16 * Fraction(UNIT_ROUNDOFF)) < Fraction(grid.time) <= exact
 
 
 def test_a_grid_lasts_at_least_as_long_as_asked_for_and_little_longer(generator):

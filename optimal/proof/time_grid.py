@@ -1,0 +1,73 @@
+"""The grid of the dynamic programme: instants, and angles between which the vehicle can turn in one time step.
+
+The angles divide a whole turn evenly, so that all windings end on the grid. The time step is the time in which the
+vehicle turns by one angle at its greatest rate. The duration of a grid is therefore one of a discrete set of times.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from optimal.proof.rounding import UNIT_ROUNDOFF
+
+DEFAULT_ANGLES = 400
+"""Least angles of one turn for a gap of 1e-3."""
+ANGLE_RANGE = 0.2
+"""Range of the number of angles that is searched, relative to the least one. Some grid then ends close to any time."""
+LEAST_STEPS = 100
+"""Fewest instants of a grid, for vehicles that turn little in the time they have."""
+
+
+@dataclass(frozen=True)
+class TimeGrid:
+    """Instants t_k = k dt, where the vehicle can turn by exactly one of `turn` equal angles in dt.
+
+    Attributes:
+        steps: number N of time steps.
+        turn: number of angles of a whole turn.
+        rate_max: greatest rate of the vehicle [rad/s].
+    """
+
+    steps: int
+    turn: int
+    rate_max: float
+
+    @property
+    def angle(self) -> float:
+        """Angle d between neighbouring grid angles [rad]."""
+        return 2 * math.pi / self.turn
+
+    @property
+    def dt(self) -> float:
+        """Time step [s]."""
+        return self.angle / self.rate_max
+
+    @property
+    def time(self) -> float:
+        """Duration T [s], rounded downwards."""
+        return self.steps * self.dt * (1 - 8 * UNIT_ROUNDOFF)
+
+
+def time_grid(time: float, rate_max: float, *, turn: int = DEFAULT_ANGLES) -> TimeGrid:
+    """Return the grid with the least duration that is at least a given time.
+
+    Args:
+        time: the given time [s].
+        rate_max: greatest rate of the vehicle [rad/s].
+        turn: least number of angles of one turn.
+    """
+    grids = []
+    turn = max(turn, math.ceil(LEAST_STEPS * 2 * math.pi / (time * rate_max)))
+    for angles in range(turn, round(turn * (1 + ANGLE_RANGE)) + 1):
+        steps = max(2, math.ceil(time * rate_max * angles / (2 * math.pi)))
+        grids += [TimeGrid(steps, angles, rate_max), TimeGrid(steps + 1, angles, rate_max)]
+    return min((grid for grid in grids if grid.time >= time), key=lambda grid: grid.time)
+
+
+def angles_for(gap: float) -> int:
+    """Return the angles of a turn for a gap.
+
+    The interpolation error decreases with the square of the angle. It is a small share of the gap.
+    """
+    return max(100, math.ceil(DEFAULT_ANGLES * math.sqrt(1e-3 / gap)))
