@@ -9,25 +9,25 @@ from agents.controllers.cascaded_pd import CascadedPD
 from agents.controllers.mpc import MPC
 from agents.controllers.tracking import Expert, OpenLoop
 from agents.evaluation.bootstrap import summary
-from agents.evaluation.rollouts import Flights, fly
-from agents.evaluation.scores import FasterThanOptimal, evaluate, flight_rows
+from agents.evaluation.rollouts import Episodes, fly
+from agents.evaluation.scores import FasterThanOptimal, episode_rows, evaluate
 from agents.imitation.oracles import combined_oracle, lqr_oracle
 from agents.training.backward_starts import backward_starts
 from agents.training.configs import CONFIGS, Config, PPOConfig, SACConfig, TD3Config, TQCConfig, config_of
 from agents.training.models import build
 from agents.training.train import Training, train
 from agents.training.vec_env import FlatQuadVecEnv, make_vec_env
-from flatgym.task.decoding import decode_observation
+from flatgym.task.observation import decode_observation
 
 __all__ = [
     "CONFIGS",
     "MPC",
     "CascadedPD",
     "Config",
+    "Episodes",
     "Expert",
     "FasterThanOptimal",
     "FlatQuadVecEnv",
-    "Flights",
     "OpenLoop",
     "PPOConfig",
     "SACConfig",
@@ -40,8 +40,8 @@ __all__ = [
     "config_of",
     "decode_observation",
     "demonstrations",
+    "episode_rows",
     "evaluate",
-    "flight_rows",
     "fly",
     "imitation",
     "lqr_oracle",

@@ -1,9 +1,10 @@
-"""Demonstrations: optimal flights planned, recorded as Minari datasets, replayed and exported."""
+"""Demonstrations: optimal flights, planned, recorded as Minari datasets, replayed and exported."""
 
 from agents.demonstrations.plans import displaced, flights_folder, plan
-from agents.demonstrations.recording import Demonstration, Replay, check, record, replay
+from agents.demonstrations.recording import Demonstration, record
 from agents.demonstrations.storage import dataset_id
 from agents.demonstrations.tables import export
+from agents.demonstrations.verification import Replay, check, replay
 
 __all__ = [
     "Demonstration",

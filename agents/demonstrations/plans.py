@@ -1,18 +1,17 @@
-"""Demonstrations: flights in the fewest steps, of a scenario and from starts around it, or of random scenarios.
+"""Planned demonstrations: optimal (K*) flights of a scenario, from displaced starts, or of sampled scenarios.
 
     flights = plan("random-goal", 1000, store=flights_folder())
     dataset = record("random-goal", flights)
 
-Of a scenario the first flight is its own and the others begin at rest a little away from its start; of a distribution
-the i-th is that of seed + i. Each can also be knocked off on its way and planned anew (`agents.demonstrations.perturbed`). Every
-draw is a function of the seed and of its number, so that neither the number of workers nor a run broken off changes
-what is planned.
+For a scenario, the first flight begins at its start, the others at rest at displaced starts. For a distribution,
+flight i belongs to seed + i. Each flight can also be perturbed and replanned (`agents.demonstrations.perturbed`). Each
+random number depends on the seed and its index only. Neither the number of workers nor an interruption changes the
+result.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,17 +31,17 @@ from optimal.discrete.fewest_steps import TIME_BUDGET
 from optimal.flights.solution import SolveFailed
 
 START_SPREAD = 0.5
-"""Largest distance of the displaced starts of a scenario from its own, unless another is asked for [m]."""
-EPISODES_MOST = 10**7
-"""Most flights of a plan."""
-SEED_MOST = 2**63 - 1
-"""Greatest seed of an environment; flight i has that of the plan and i more."""
-TRIES = 10
-"""Starts drawn for each flight wanted, before it is given up."""
+"""Default of the largest distance of displaced starts from the scenario's start [m]."""
+MAX_EPISODES = 10**7
+"""Largest number of flights of a plan."""
+MAX_SEED = 2**63 - 1
+"""Largest seed of an environment; flight i has the seed of the plan plus i."""
+ATTEMPTS = 10
+"""Starts sampled per wanted flight before planning fails."""
 
 
 def flights_folder() -> Path:
-    """Return where to keep flights that are found, beside Minari's datasets; it may be deleted at any time."""
+    """Return the cache folder of planned flights, beside Minari's datasets; it may be deleted at any time."""
     return staging_folder() / f"flights-{__version__}"
 
 
@@ -59,40 +58,42 @@ def plan(
     store: str | Path | None = None,
     progress: Progress = no_progress,
 ) -> list[Demonstration]:
-    """Return flights in the fewest steps found: `episodes` from rest, then `perturbed` continuations of each.
+    """Return flights in the fewest steps found: `episodes` from rest, then `perturbed` replanned copies of each.
 
-    A start from which no flight is found is drawn again, but a scenario's own must be flown. A continuation for which
-    none is found is knocked off differently, and left out at last.
+    A sampled start without a flight is replaced by another. The scenario's own start must have a flight. A perturbation
+    without a plan is replaced by others, and left out after several attempts.
 
     Args:
-        problem: a scenario, or a distribution of them.
+        problem: a scenario or a distribution.
         episodes: flights from rest.
-        seed: of the draws.
-        spread: largest distance of a start from the scenario's own [m]; by default START_SPREAD for a scenario, whose
-            first flight begins at its own start, and 0 for a distribution.
-        perturbed: how often each flight is knocked off on its way and planned anew.
-        time_budget: time granted for each proof that fewer steps are impossible [s]; the flight from a scenario's own
-            start is granted TIME_BUDGET at least.
-        jobs, backend, store: as in `optimal.fewest_steps_many`; with a store a broken-off run goes on where it stopped.
-        progress: called with how many flights there are and how many are wanted.
+        seed: seed of starts and perturbations.
+        spread: largest distance of a displaced start from the scenario's own [m]. The default is START_SPREAD for a
+            scenario, whose first flight begins at its own start, and 0 for a distribution.
+        perturbed: perturbed and replanned copies of each flight.
+        time_budget: time for each proof that fewer steps are impossible [s]; at least TIME_BUDGET for the flight from
+            a scenario's own start.
+        jobs, backend, store: as in `optimal.fewest_steps_many`; with a store an interrupted run resumes.
+        progress: called with the numbers of flights found and wanted.
 
     Raises:
-        SolveFailed: when a scenario, or too many of the starts drawn, cannot be flown.
+        SolveFailed: if no flight is found for the scenario, or for too many sampled starts.
         ValueError: for wrong arguments, naming them.
-        OSError: when a flight cannot be kept in the store.
+        OSError: if a flight cannot be stored.
     """
     target = problem_named(problem)
-    whole("episodes", episodes, 1, EPISODES_MOST)
-    whole("perturbed", perturbed, 0, EPISODES_MOST)
-    whole("seed", seed, 0, SEED_MOST - (TRIES + 1) * episodes)
+    whole("episodes", episodes, 1, MAX_EPISODES)
+    whole("perturbed", perturbed, 0, MAX_EPISODES)
+    whole("seed", seed, 0, MAX_SEED - (ATTEMPTS + 1) * episodes)
     spread = _checked_spread(target, episodes, spread)
     workers: dict[str, Any] = {"jobs": jobs, "backend": backend, "store": store}
     wanted = episodes * (1 + perturbed)
-    flights = _from_rest(
-        target, episodes, seed, spread, time_budget, workers, progress=lambda done: progress(done, wanted)
+    flights = _flights_from_rest(
+        target, episodes, seed, spread, time_budget, workers, progress=lambda done, _: progress(done, wanted)
     )
     if perturbed:
-        flights += perturb(flights, perturbed, seed, **workers, progress=lambda done: progress(episodes + done, wanted))
+        flights += perturb(
+            flights, perturbed, seed, **workers, progress=lambda done, _: progress(episodes + done, wanted)
+        )
     return flights
 
 
@@ -102,57 +103,61 @@ def _checked_spread(target: Problem, episodes: int, spread: float | None) -> flo
         return START_SPREAD if fixed else 0.0
     spread = nonnegative("plan", "spread", spread)
     if fixed and episodes > 1 and not spread:
-        raise ValueError(f"with spread=0 all {episodes} flights of {target.name!r} would be the same; ask for 1")
+        raise ValueError(f"with spread=0 all {episodes} flights of {target.name!r} are equal; use episodes=1")
     return spread
 
 
-def _from_rest(
+def _flights_from_rest(
     target: Problem,
     episodes: int,
     seed: int,
     spread: float,
     time_budget: float,
     workers: dict[str, Any],
-    progress: Callable[[int], Any],
+    progress: Progress,
 ) -> list[Demonstration]:
-    """Return as many flights from rest, in the order in which their starts are drawn."""
+    """Return `episodes` flights from rest, in the order in which their starts are sampled."""
     flights: list[Demonstration] = []
     if isinstance(target, Scenario):
-        (answer,) = fewest_steps_many(
-            [target], **workers | {"jobs": 1}, progress=False, time_budget=max(time_budget, TIME_BUDGET)
-        )
-        if not len(answer.actions):
-            raise SolveFailed(target, answer)
-        flights.append(Demonstration(target, answer, seed))
-        progress(1)
-    drawn = len(flights)
+        flights.append(_own_flight(target, seed, time_budget, workers))
+        progress(1, episodes)
+    sampled = len(flights)
     while len(flights) < episodes:
-        numbers = range(drawn, drawn + episodes - len(flights))
-        flown = [target if isinstance(target, Scenario) else target.scenario(seed + i) for i in numbers]
+        numbers = range(sampled, sampled + episodes - len(flights))
+        scenarios = [target if isinstance(target, Scenario) else target.scenario(seed + i) for i in numbers]
         starts = [
             displaced(scenario, np.random.default_rng((seed, i)), spread) if spread else scenario
-            for i, scenario in zip(numbers, flown, strict=True)
+            for i, scenario in zip(numbers, scenarios, strict=True)
         ]
         before, count = len(flights), len(starts)
 
-        def tell(done: int, left: int, before: int = before, count: int = count) -> None:
-            progress(before + count - left + done)
+        def advance(done: int, left: int, before: int = before, count: int = count) -> None:
+            progress(before + count - left + done, episodes)
 
-        answers = fewest_steps_many(starts, **workers, progress=tell, time_budget=time_budget)
+        answers = fewest_steps_many(starts, **workers, progress=advance, time_budget=time_budget)
         flights += [
             Demonstration(scenario, answer, seed + i)
-            for i, scenario, answer in zip(numbers, flown, answers, strict=True)
+            for i, scenario, answer in zip(numbers, scenarios, answers, strict=True)
             if len(answer.actions)
         ]
-        progress(len(flights))
-        drawn = numbers.stop
-        if drawn > TRIES * episodes:
+        progress(len(flights), episodes)
+        sampled = numbers.stop
+        if sampled > ATTEMPTS * episodes:
             raise SolveFailed(starts[-1], answers[-1])
     return flights
 
 
+def _own_flight(target: Scenario, seed: int, time_budget: float, workers: dict[str, Any]) -> Demonstration:
+    """Return the flight from the scenario's own start; a SolveFailed if there is none."""
+    budget = max(time_budget, TIME_BUDGET)
+    (answer,) = fewest_steps_many([target], **workers | {"jobs": 1}, progress=False, time_budget=budget)
+    if not len(answer.actions):
+        raise SolveFailed(target, answer)
+    return Demonstration(target, answer, seed)
+
+
 def displaced(target: Scenario, generator: np.random.Generator, spread: float = START_SPREAD) -> Scenario:
-    """Return the scenario with its start moved by up to `spread` [m], between floor and ceiling and not at the goal."""
+    """Return the scenario with its start displaced by up to `spread` [m], between floor and ceiling, off the goal."""
     low, high = target.heights
     while True:
         radius, angle = spread * np.sqrt(generator.random()), generator.uniform(0, 2 * np.pi)

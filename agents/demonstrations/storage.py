@@ -1,7 +1,7 @@
-"""Datasets take their places whole: written beside Minari's folders, then renamed.
+"""Atomic datasets: written in a staging folder beside Minari's datasets, then renamed.
 
-Minari writes a dataset where it will be read, and HDF5 crashes where the disk is full. So room is made sure of first,
-the dataset is written in a folder of ours, and an older one of its name gives way only when it is done.
+Minari writes a dataset in place, and HDF5 crashes on a full disk. The required space is therefore reserved first, the
+dataset is written to a staging folder, and an older dataset of its name is replaced only once it is complete.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from minari.storage import get_dataset_path
 from flatgym.scenarios.catalogue import ProblemLike
 from flatgym.scenarios.catalogue import problem as problem_named
 
-RECORDING = "recording-"
-"""How folders of datasets not yet whole are called."""
-ABANDONED = 24 * 3600.0
-"""Age at which a half-written dataset belongs to a process that was killed [s]."""
+STAGING_PREFIX = "recording-"
+"""Name prefix of folders with incomplete datasets."""
+ABANDONED_AFTER = 24 * 3600.0
+"""Age at which an incomplete dataset is attributed to a killed process [s]."""
 
 
 def dataset_id(problem: ProblemLike, name: str | None = None) -> str:
-    """Return Minari's id of a dataset: the name given, of version 0 where it has none, or one after the problem.
+    """Return Minari's id of a dataset: the given name, with version 0 by default, or a name from the problem.
 
     Raises:
-        ValueError: for a name that Minari does not take.
+        ValueError: for a name that Minari does not accept.
     """
     if name is None:
         word = re.sub(r"[^\w-]+", "-", problem_named(problem).name)
@@ -42,51 +42,51 @@ def dataset_id(problem: ProblemLike, name: str | None = None) -> str:
         parse_dataset_id(whole)
     except ValueError:
         raise ValueError(
-            f"a dataset's name is made of letters, digits, '-' and '_', with '/' between namespaces, got {name!r}"
+            f"a dataset's name consists of letters, digits, '-' and '_', with '/' between namespaces, got {name!r}"
         ) from None
     return whole
 
 
 def staging_folder() -> Path:
-    """Return our folder beside Minari's datasets, which Minari does not look into."""
+    """Return the staging folder beside Minari's datasets, which Minari ignores."""
     return Path(get_dataset_path()) / ".flatquad"
 
 
 @contextmanager
 def atomic_dataset(identity: str, size: int) -> Iterator[Path]:
-    """Give a folder to write a dataset in; it takes the place of the one of that name once all is written.
+    """Yield a folder for a dataset; on exit it replaces the dataset of that name.
 
     Args:
         identity: Minari's id.
-        size: room that the dataset takes at most [bytes].
+        size: upper bound of the dataset's size [bytes].
 
     Raises:
-        ValueError: where other datasets are below that name.
-        OSError: naming the place, where it cannot be written.
+        ValueError: if the name is a namespace of other datasets.
+        OSError: naming the folder, if it cannot be written.
     """
     place = Path(get_dataset_path(identity))
     if place.exists() and not (place / "data").exists():
         raise ValueError(f"{identity!r} is a namespace of other datasets; choose another name")
     try:
-        with tempfile.TemporaryDirectory(prefix=RECORDING, dir=_clean_staging(staging_folder())) as temporary:
+        with tempfile.TemporaryDirectory(prefix=STAGING_PREFIX, dir=_clean_staging(staging_folder())) as temporary:
             _make_sure_of_room(Path(temporary, "room"), size)
             made = Path(temporary, "made")
             made.mkdir()
             yield made / "data"
-            _move(made, place, Path(temporary, "before"))
+            _replace(made, place, Path(temporary, "before"))
         namespace = parse_dataset_id(identity)[0]
         if namespace is not None and namespace not in list_local_namespaces():
             create_namespace(namespace)
     except OSError as error:
         raise OSError(
             error.errno or errno.EIO,
-            f"{error.strerror or error}; an older dataset of this name is as it was: make room and run again",
+            f"{error.strerror or error}; an older dataset of this name is unchanged; free some space and run again",
             str(place),
         ) from error
 
 
 def _make_sure_of_room(path: Path, size: int) -> None:
-    """Write a file of that size and remove it: HDF5 crashes on a full disk, Python says so."""
+    """Write and remove a file of that size: on a full disk Python raises an error, whereas HDF5 crashes."""
     with path.open("wb", buffering=0) as file:
         while size > 0:
             size -= file.write(bytes(min(size, 2**20)))
@@ -94,18 +94,18 @@ def _make_sure_of_room(path: Path, size: int) -> None:
 
 
 def _clean_staging(folder: Path) -> Path:
-    """Make the folder, rid of what killed processes left there."""
+    """Create the folder, and remove the leftovers of killed processes."""
     folder.mkdir(parents=True, exist_ok=True)
-    for left in folder.glob(f"{RECORDING}*"):
-        if time.time() - left.stat().st_mtime > ABANDONED:
+    for left in folder.glob(f"{STAGING_PREFIX}*"):
+        if time.time() - left.stat().st_mtime > ABANDONED_AFTER:
             shutil.rmtree(left, ignore_errors=True)
     return folder
 
 
-def _move(made: Path, place: Path, aside: Path) -> None:
-    """Move a whole dataset to its place; an older one goes aside, and back should that fail.
+def _replace(made: Path, place: Path, aside: Path) -> None:
+    """Move a complete dataset to its place; an older one is moved aside, and back if that fails.
 
-    A process killed between the two leaves none there; it is made anew when the run is resumed.
+    A process killed between the two moves leaves no dataset; the resumed run records it again.
     """
     place.parent.mkdir(parents=True, exist_ok=True)
     if place.exists():

@@ -1,7 +1,7 @@
-"""Datasets as tables, CSV or Parquet, for those who have no Minari.
+"""Datasets as tables, CSV or Parquet, for use without Minari.
 
-A row is an instant of an episode: the state and the observation then, the action held from then on, and the reward
-of that step. In the last row of an episode, the arrival, nothing is held any more: actions and reward are empty.
+A row is a step of an episode: state and observation, the action held during the step, and its reward. The last row of
+an episode is the final state; its actions and reward are empty.
 
     episode, step, t_s, x_m, ..., thrust_mps2, rate_radps, action_0, action_1, goal_x, ..., reward, k_star
 """
@@ -21,16 +21,16 @@ from flatgym.files import write_whole
 from optimal.flights.export import COLUMNS
 
 TIME, STATES, CONTROLS = COLUMNS[0], COLUMNS[1:6], COLUMNS[6:]
-ENDINGS = (".csv", ".parquet")
+SUFFIXES = (".csv", ".parquet")
 
 
 def export(dataset: minari.MinariDataset, path: str | Path) -> Path:
-    """Write a dataset to a .csv or .parquet file, whole or not at all.
+    """Write a dataset atomically to a .csv or .parquet file.
 
     Raises:
         ValueError: for an unknown ending.
-        ImportError: for Parquet without pyarrow, with the line that installs it.
-        OSError: when the file cannot be written; an older one is as it was.
+        ImportError: for Parquet without pyarrow, with the command that installs it.
+        OSError: if the file cannot be written; an older file is unchanged.
     """
     path = check_export(path)
     rows = table(dataset)
@@ -43,17 +43,17 @@ def export(dataset: minari.MinariDataset, path: str | Path) -> Path:
 
 
 def check_export(path: str | Path) -> Path:
-    """Return the path if `export` can write its format; raises as `export` does."""
+    """Return the path if `export` can write its format; raise the errors of `export` otherwise."""
     path = Path(path)
-    if path.suffix not in ENDINGS:
-        raise ValueError(f"unknown ending {path.suffix!r} of {path.name}; known: {', '.join(ENDINGS)}")
+    if path.suffix not in SUFFIXES:
+        raise ValueError(f"unknown ending {path.suffix!r} of {path.name}; known: {', '.join(SUFFIXES)}")
     if path.suffix == ".parquet":
         require("parquet", "pyarrow")
     return path
 
 
 def table(dataset: minari.MinariDataset) -> pd.DataFrame:
-    """Return all episodes of a dataset as one table, K + 1 rows each."""
+    """Return all episodes of a dataset as one table, with K + 1 rows for each."""
     facts = dataset.storage.get_episode_metadata(dataset.episode_indices)
     names = dataset.storage.metadata["observation_names"]
     episodes = [
@@ -65,18 +65,18 @@ def table(dataset: minari.MinariDataset) -> pd.DataFrame:
 
 def _episode(number: int, episode: minari.EpisodeData, known: dict[str, Any], names: list[str]) -> pd.DataFrame:
     scenario, count = Scenario.from_json(known["scenario"]), len(episode)
-    held = _and_none(episode.actions)
+    held = _with_empty_row(episode.actions)
     columns: dict[str, Any] = {"episode": number, "step": np.arange(count + 1)}
     columns[TIME] = scenario.dt * columns["step"]
     columns |= dict(zip(STATES, episode.infos["state"].T, strict=True))
-    columns |= dict(zip(CONTROLS, _and_none(scenario.quadrotor.control(episode.actions)).T, strict=True))
+    columns |= dict(zip(CONTROLS, _with_empty_row(scenario.quadrotor.control(episode.actions)).T, strict=True))
     columns |= {f"action_{i}": held[:, i] for i in range(held.shape[1])}
     columns |= dict(zip(names, episode.observations.T, strict=True))
-    columns["reward"] = _and_none(episode.rewards)
+    columns["reward"] = _with_empty_row(episode.rewards)
     columns["k_star"] = int(known["k_star"])
     return pd.DataFrame(columns)
 
 
-def _and_none(values: Any) -> Any:
-    """Return what was held for K steps, shape (K, ...), with an empty row for the arrival."""
+def _with_empty_row(values: Any) -> Any:
+    """Return values of K steps, shape (K, ...), with an empty row appended for the final state."""
     return np.concatenate([values, np.full_like(values[:1], np.nan)])

@@ -1,11 +1,11 @@
-"""How sure a score is: interquartile means and bootstrap intervals over runs, flights and scenarios.
+"""Uncertainty of scores: interquartile means and bootstrap intervals over runs, episodes and scenarios.
 
-The interquartile mean (IQM) is the mean of the middle half: robust as the median, and of less variance. An
-interval is the middle 95 % of what the statistic is when the data are drawn again from themselves, stratified
-(Agarwal et al., Deep Reinforcement Learning at the Edge of the Statistical Precipice, 2021): within each
-scenario, runs are drawn with replacement - a run is one training with its seed - and then flights of each drawn
-run. So one run of many flights and many runs of one flight are judged alike. What never happened in the data
-has no share in it: the interval of 10 successes in 10 flights is a point.
+The interquartile mean (IQM) is the mean of the middle half. It is nearly as robust as the median and has less variance.
+An interval is the middle 95 % of the statistic under a stratified bootstrap (Agarwal et al., Deep Reinforcement
+Learning at the Edge of the Statistical Precipice, 2021). Within each scenario, runs are resampled with replacement (a
+run is one training with its seed), then the episodes of each resampled run. One run of many episodes and many runs of
+one episode are therefore treated alike. The bootstrap cannot produce unobserved events: the interval of 10 successes
+in 10 episodes is a point.
 """
 
 from __future__ import annotations
@@ -15,19 +15,20 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from flatgym.quadrotor import Array
 
 LEVEL = 0.95
-"""Share of the resampled statistics that an interval holds."""
+"""Confidence level of an interval."""
 RESAMPLES = 1000
 STRATUM, RUN = "scenario", "run"
 
 
 def iqm(values: Any) -> Array:
-    """Return the interquartile mean along the last axis, leaving out NaN; NaN where there is nothing else.
+    """Return the interquartile mean along the last axis, ignoring NaN; NaN if all values are.
 
-    A quarter of the values, rounded down, is cut off at either end, as scipy.stats.trim_mean(values, 0.25) does.
+    A quarter of the values, rounded down, is cut off at either end, as in scipy.stats.trim_mean(values, 0.25).
     """
     ordered = np.sort(np.asarray(values, dtype=np.float64), axis=-1)  # NaN last
     count = np.sum(~np.isnan(ordered), axis=-1, keepdims=True)
@@ -37,7 +38,7 @@ def iqm(values: Any) -> Array:
 
 
 def mean(values: Any) -> Array:
-    """Return the mean along the last axis, leaving out NaN; NaN where there is nothing else."""
+    """Return the mean along the last axis, ignoring NaN; NaN if all values are."""
     values = np.asarray(values, dtype=np.float64)
     there = ~np.isnan(values)
     return _share(np.where(there, values, 0.0).sum(axis=-1), there.sum(axis=-1))
@@ -47,18 +48,18 @@ def _share(total: Any, count: Any) -> Array:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def resampled(rows: pd.DataFrame, seed: int = 0, resamples: int = RESAMPLES) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Return positions of rows drawn again within each scenario: runs first, then flights of each drawn run.
+def bootstrap_positions(rows: pd.DataFrame, seed: int = 0, resamples: int = RESAMPLES) -> NDArray[np.int64]:
+    """Return row positions resampled within each scenario: runs first, then the episodes of each run.
 
     Args:
-        rows: one a flight, with the columns "scenario" and "run"; a column that is missing has one value only.
-        seed: the same seed gives the same draws.
-        resamples: how many times.
+        rows: one row per episode, with the columns "scenario" and "run"; a missing column counts as constant.
+        seed: seed of the bootstrap.
+        resamples: number of resamples.
 
     Returns:
-        Shape (resamples, m); -1 fills up where drawn runs have fewer flights than others.
+        Shape (resamples, m); padded with -1 where resampled runs have fewer episodes than others.
     """
-    generator, drawn = np.random.default_rng(seed), []
+    generator, positions = np.random.default_rng(seed), []
     for stratum in _groups(rows, STRATUM, np.arange(len(rows))):
         runs = _groups(rows, RUN, stratum)
         counts = np.array([len(run) for run in runs])
@@ -68,12 +69,12 @@ def resampled(rows: pd.DataFrame, seed: int = 0, resamples: int = RESAMPLES) -> 
         which = generator.integers(len(runs), size=(resamples, len(runs), 1))
         place = generator.integers(counts[which], size=(resamples, len(runs), counts.max()))
         there = np.arange(counts.max()) < counts[which]
-        drawn.append(np.where(there, table[which, place], -1).reshape(resamples, -1))
-    return np.concatenate(drawn, axis=1)
+        positions.append(np.where(there, table[which, place], -1).reshape(resamples, -1))
+    return np.concatenate(positions, axis=1)
 
 
 def _groups(rows: pd.DataFrame, column: str, places: Any) -> list[Any]:
-    """Return the places of rows, split by what stands in a column, in its order of appearance."""
+    """Return row positions grouped by the value of a column, in order of appearance."""
     if column not in rows:
         return [places]
     codes = pd.factorize(rows[column].iloc[places])[0]
@@ -83,11 +84,11 @@ def _groups(rows: pd.DataFrame, column: str, places: Any) -> list[Any]:
 def interval(
     values: Any, positions: Any, statistic: Callable[[Any], Array] = iqm, level: float = LEVEL
 ) -> tuple[float, float]:
-    """Return the percentile interval of a statistic of values, shape (n,), under draws as `resampled` gives them.
+    """Return the percentile interval of a statistic of values, shape (n,), over the resamples in `positions`.
 
-    Draws in which nothing is left to judge - no flight of them succeeded - are left out.
+    Resamples without a value, in which no episode succeeded, are ignored.
     """
-    values = np.append(np.asarray(values, dtype=np.float64), np.nan)  # what -1 points at
+    values = np.append(np.asarray(values, dtype=np.float64), np.nan)  # the entry at position -1
     if np.isnan(values).all():
         return float("nan"), float("nan")
     low, high = np.nanquantile(statistic(values[positions]), [(1 - level) / 2, (1 + level) / 2])
@@ -95,28 +96,30 @@ def interval(
 
 
 def summary(rows: pd.DataFrame, by: Sequence[str] = ("agent", "scenario"), seed: int = 0) -> pd.DataFrame:
-    """Return success rate, gap and steps of each group of flights, with bootstrap intervals of the first two.
+    """Return success rate, gap and steps of each group of episodes, with bootstrap intervals of the first two.
 
     Args:
-        rows: one a flight, as `agents.evaluate.flight_rows` gives them, and a column for whatever they are grouped
-            by; a column "run" tells trainings with different seeds apart. Grouped by agent alone, the scenarios of a
-            group are its strata.
-        by: the columns to group by, in whose order of appearance the groups stand.
-        seed: of the resampling.
+        rows: one row per episode, as from `agents.episode_rows`, with the columns to group by. A column "run"
+            distinguishes trainings with different seeds. Grouped by agent alone, the scenarios of a group are its
+            strata.
+        by: the columns to group by; groups keep their order of appearance.
+        seed: seed of the bootstrap.
 
     Returns:
-        The columns `by`, then runs, flights, success_rate, success_low, success_high, steps, gap, gap_low, gap_high;
+        The columns `by`, then runs, episodes, success_rate, success_low, success_high, steps, gap, gap_low, gap_high;
         steps and gap are interquartile means over successes.
 
     Raises:
-        ValueError: for no rows, and for columns that are missing.
+        ValueError: for no rows, and for missing columns.
     """
     missing = [name for name in (*by, "outcome", "steps", "gap") if name not in rows]
     if missing or rows.empty:
-        raise ValueError(f"rows need flights and the columns {', '.join(missing) or 'they have'}, got {len(rows)} rows")
+        raise ValueError(
+            f"rows must hold episodes and the columns {', '.join(missing) or 'they have'}, got {len(rows)} rows"
+        )
     table = []
     for key, group in rows.groupby(list(by), sort=False, dropna=False):
-        positions, success = resampled(group, seed), group["outcome"] == "goal"
+        positions, success = bootstrap_positions(group, seed), group["outcome"] == "goal"
         gap, steps = group["gap"].where(success), group["steps"].where(success)
         success_low, success_high = interval(success, positions, mean)
         gap_low, gap_high = interval(gap, positions)
@@ -124,7 +127,7 @@ def summary(rows: pd.DataFrame, by: Sequence[str] = ("agent", "scenario"), seed:
             dict(zip(by, key, strict=True))
             | {
                 "runs": group[RUN].nunique() if RUN in group else 1,
-                "flights": len(group),
+                "episodes": len(group),
                 "success_rate": float(mean(success)),
                 "success_low": success_low,
                 "success_high": success_high,

@@ -1,9 +1,9 @@
-"""K* of the scenarios of a score: what is shipped at once, the rest from a folder or from the solver.
+"""K* of the scenarios of a score: shipped values first, then those cached in a folder, then the solver.
 
     optima("random-goal", seeds).k_star
 
-The named scenarios and the draws that scores are flown on are known (`flatgym.reference`); whatever else is asked
-for is computed by `optimal.fewest_steps`, on all cores, with a progress bar where it takes long.
+K* of the named scenarios and of the evaluation seeds is shipped (`flatgym.scenarios.reference`). Other values are
+computed by `optimal.fewest_steps` on all cores, with a progress bar if it takes long.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from optimal.flights.solution import SolveFailed
 
 
 class Optima(NamedTuple):
-    """K* of n flights.
+    """K* of n scenarios.
 
     Attributes:
-        k_star: the fewest environment steps known, NaN where no flight was found, shape (n,).
-        proven: whether no flight whatever takes fewer, shape (n,).
+        k_star: fewest environment steps known, NaN if no flight was found, shape (n,).
+        proven: whether fewer steps are proven impossible, shape (n,).
     """
 
     k_star: Array
@@ -38,27 +38,27 @@ class Optima(NamedTuple):
 
     @classmethod
     def of(cls, answers: Sequence[FewestSteps]) -> Optima:
-        """Return what n answers say."""
+        """Return K* of n solver results."""
         steps = np.array([answer.steps for answer in answers], dtype=np.float64)
         found = np.isfinite(steps)
         proven = np.array([answer.proven for answer in answers])
         return cls(np.where(found, steps, np.nan), found & proven)
 
     def repeat(self, n: int) -> Optima:
-        """Return these n times over."""
+        """Return every entry n times."""
         return Optima(np.repeat(self.k_star, n), np.repeat(self.proven, n))
 
 
 def optima(problem: ProblemLike, seeds: NDArray[np.int64], store: str | Path | None = None) -> Optima:
-    """Return K* of a scenario for every seed, or of the scenarios that a distribution draws from them.
+    """Return K* for every seed: that of the scenario, or of the scenario that a distribution samples from the seed.
 
     Args:
         problem: a scenario or a distribution.
         seeds: shape (n,).
-        store: a folder in which K* that had to be computed are kept, and looked up.
+        store: folder that caches computed K*.
 
     Raises:
-        SolveFailed: when no flight is found for any of them.
+        SolveFailed: if no flight is found for any of them.
     """
     target = catalogue.problem(problem)
     if isinstance(target, Scenario):
@@ -75,7 +75,7 @@ def optima(problem: ProblemLike, seeds: NDArray[np.int64], store: str | Path | N
 
 
 def _of_scenario(target: Scenario, store: str | Path | None) -> Optima:
-    """Return K* of one scenario, once."""
+    """Return K* of one scenario, with n = 1."""
     if (known := reference(target)) is not None:
         return Optima(np.array([float(known.k_star)]), np.array([known.proven]))
     (answer,) = fewest_steps_many([target], jobs=1, store=store, time_budget=TIME_BUDGET)

@@ -1,4 +1,7 @@
-"""TODO agents/evaluation/rollouts.py."""
+"""Rollouts: deterministic episodes of a policy in the environment, as a batch.
+
+fly(policy, "random-goal", episodes=100, seed=0).steps
+"""
 
 from __future__ import annotations
 
@@ -14,19 +17,19 @@ from flatgym.scenarios.catalogue import ProblemLike
 from flatgym.scenarios.disturbances import Disturbances
 from flatgym.task.scene import OUTCOMES
 
-CALM = Disturbances()
+NO_DISTURBANCES = Disturbances()
 
 
 @dataclass(frozen=True)
-class Flights:
-    """Flights of one policy.
+class Episodes:
+    """Episodes of one policy.
 
     Attributes:
-        steps: environment steps until each ended, shape (n,).
-        outcomes: how each ended, n words of OUTCOMES.
-        hoops_passed: shape (n,).
-        states: of each flight, from its start to its end, shapes (K+1, 5).
-        actions: of each flight, within the action space, float32, shapes (K, 2).
+        steps: environment steps of each episode, shape (n,).
+        outcomes: outcome of each episode, n words of OUTCOMES.
+        hoops_passed: hoops passed in each episode, shape (n,).
+        states: states of each episode, n arrays of shape (K+1, 5).
+        actions: actions of each episode, clipped to the action space, n float32 arrays of shape (K, 2).
     """
 
     steps: NDArray[np.int64]
@@ -41,19 +44,19 @@ def fly(
     problem: ProblemLike,
     episodes: int = 1,
     seed: int = 0,
-    disturbances: Disturbances = CALM,
-) -> Flights:
-    """Fly `episodes` flights at once, deterministically but for what the seed draws.
+    disturbances: Disturbances = NO_DISTURBANCES,
+) -> Episodes:
+    """Roll out a deterministic policy in a batch of episodes, and return them.
 
     Args:
-        policy: anything with Stable-Baselines3's `predict`.
-        problem: a scenario or a distribution; of the latter flight i is through `distribution.scenario(seed + i)`.
-        episodes: number of flights.
-        seed: of the first flight, the others counting on from it.
-        disturbances: what stands against the vehicle, each flight its own draw.
+        policy: any object with Stable-Baselines3's `predict`.
+        problem: a scenario or a distribution; episode i of a distribution has `distribution.scenario(seed + i)`.
+        episodes: number of episodes.
+        seed: seed of the first episode; episode i has seed + i.
+        disturbances: disturbances, sampled for each episode.
 
     Raises:
-        ValueError: when the spaces of the policy are not those of the environment, before anything is flown; when it
+        ValueError: if the spaces of the policy differ from those of the environment, before the first step; if it
             returns actions of a wrong shape, NaN or infinity.
     """
     if episodes < 1:
@@ -68,13 +71,13 @@ def fly(
     while (flying := outcomes == OUTCOMES[0]).any():
         action, memory = policy.predict(observations, state=memory, episode_start=starts, deterministic=True)
         observations, _, terminated, truncated, infos = envs.step(np.asarray(action))
-        # Who ended flies on; the environment begins his next flight a step later.
+        # Ended episodes keep stepping; the environment resets them a step later.
         starts, ended = ended, terminated | truncated
         actions.append(np.clip(action, -1, 1).astype(np.float32))
         states.append(infos["state"])
         steps[flying], outcomes[flying] = infos["steps"][flying], infos["outcome"][flying]
         passed[flying] = infos["hoops_passed"][flying]
-    return Flights(
+    return Episodes(
         steps,
         tuple(map(str, outcomes)),
         passed,
@@ -84,7 +87,7 @@ def fly(
 
 
 def check_spaces(policy: Policy, envs: FlatQuadVectorEnv) -> None:
-    """Refuse a policy that says it sees or does other things than the environment shows and takes.
+    """Refuse a policy whose observation or action space differs from the environment's.
 
     Raises:
         ValueError: naming both shapes.
@@ -94,5 +97,5 @@ def check_spaces(policy: Policy, envs: FlatQuadVectorEnv) -> None:
         if space is not None and space.shape != wanted.shape:
             raise ValueError(
                 f"the policy has an {name} of shape {space.shape}, {space}, but FlatQuad-v0 one of shape "
-                f"{wanted.shape}; train it in FlatQuad-v0, or hand over an object whose predict() converts"
+                f"{wanted.shape}; train it in FlatQuad-v0, or pass an object whose predict() converts"
             )

@@ -1,14 +1,14 @@
-"""Scores: how far from the fewest possible steps a policy flies.
+"""Scores: success rate, and the gap of a policy to the fewest possible steps.
 
-    gap = K_agent / K* - 1  over the flights that reached the goal, always beside the success rate.
+    gap = K_agent / K* - 1  over the episodes that reached the goal, always reported with the success rate.
 
-K* is the environment's own optimum (same step, same tolerance), never T*; on a distribution every flight is
-measured against the K* of its own scenario. A flight in fewer steps than K* would prove K* wrong: it raises
-FasterThanOptimal with the flight attached.
+K* is the environment's own optimum (same step, same tolerance), not T*. On a distribution each episode is compared
+with the K* of its own scenario. An episode in fewer steps than K* disproves K*; it raises FasterThanOptimal with the
+episode attached.
 
-The protocol: policies fly deterministically, the first flight with seed EVALUATION_SEED = 1,000,000 and the others
-counting on from it; trainings keep to smaller seeds, so that goals, hoops and disturbances of a score are unseen.
-The K* of these scenarios is shipped (`flatgym.reference`), and a score needs no solver.
+Protocol: policies are deterministic. Episode i has seed EVALUATION_SEED + i = 1,000,000 + i. Trainings use smaller
+seeds, so goals, hoops and disturbances of a score are unseen. K* of these scenarios is shipped
+(`flatgym.scenarios.reference`), and a score needs no solver.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from agents.evaluation.bootstrap import iqm
 from agents.evaluation.optima import Optima, optima
-from agents.evaluation.rollouts import CALM, Flights, fly
+from agents.evaluation.rollouts import NO_DISTURBANCES, Episodes, fly
 from agents.evaluation.versions import versions
 from agents.policies.policy import Policy
 from flatgym.quadrotor import Array
@@ -56,7 +56,7 @@ COLUMNS = (
 
 
 class FasterThanOptimal(AssertionError):
-    """A flight took fewer steps than K*, so K* is wrong; `scenario`, `actions` and `states` are the evidence."""
+    """An episode took fewer steps than K*, which disproves K*; holds `scenario`, `actions` and `states`."""
 
     def __init__(self, scenario: Scenario, k_star: float, actions: NDArray[np.float32], states: Array) -> None:
         self.scenario, self.k_star, self.actions, self.states = scenario, k_star, actions, states
@@ -66,70 +66,71 @@ class FasterThanOptimal(AssertionError):
         )
 
 
-def flight_rows(
+def episode_rows(
     policy: Policy,
     problem: ProblemLike,
     episodes: int = 10,
     seed: int = EVALUATION_SEED,
     *,
     optimum: FewestSteps | None = None,
-    disturbances: Disturbances = CALM,
+    disturbances: Disturbances = NO_DISTURBANCES,
     store: str | Path | None = None,
 ) -> pd.DataFrame:
-    """Fly, and return one row a flight: scenario, seed, outcome, steps, k_star, proven, gap (NaN where it failed).
+    """Return one row per episode: scenario, seed, outcome, steps, k_star, proven, gap (NaN for a failed episode).
 
     Args:
-        policy, problem, episodes, seed, disturbances: as in `fly`; `scenario` is the problem's name, and the seed that
-            of the flight.
-        optimum: K* of the scenario, if it is known already. It is that of the undisturbed vehicle.
-        store: a folder in which K* that had to be computed are kept, and looked up.
+        policy, problem, episodes, seed, disturbances: as in `fly`. The column `scenario` is the problem's name, `seed`
+            the seed of the episode.
+        optimum: K* of the scenario without disturbances, if known.
+        store: folder that caches computed K*.
 
     Raises:
-        FasterThanOptimal: when an undisturbed flight needs fewer steps than K*; with a tail wind it may well.
-        SolveFailed: when no K* is found at all; where some are not, their gap is NaN.
+        FasterThanOptimal: if an episode without disturbances takes fewer steps than K*. With disturbances, such as a
+            tail wind, it may.
+        SolveFailed: if no K* is found at all; if some are missing, their gap is NaN.
         ValueError: as in `fly`; for an optimum of another scenario.
     """
     target = catalogue.problem(problem)
     if optimum is not None and optimum.scenario != target:
         raise ValueError(f"optimum must be one of {target.name!r}, got that of {optimum.scenario.name!r}")
-    flights = fly(policy, target, episodes, seed, disturbances)
-    return score_flights(flights, target, seed, optimum=optimum, disturbances=disturbances, store=store)
+    flown = fly(policy, target, episodes, seed, disturbances)
+    return score_episodes(flown, target, seed, optimum=optimum, disturbances=disturbances, store=store)
 
 
-def score_flights(
-    flights: Flights,
+def score_episodes(
+    flown: Episodes,
     problem: ProblemLike,
     seed: int = EVALUATION_SEED,
     *,
     optimum: FewestSteps | None = None,
-    disturbances: Disturbances = CALM,
+    disturbances: Disturbances = NO_DISTURBANCES,
     store: str | Path | None = None,
 ) -> pd.DataFrame:
-    """Return one row for each episode, as `flight_rows` does, of episodes that `fly` has returned.
+    """Return one row per episode, as `episode_rows` does, for episodes that `fly` returned.
 
     Args:
-        flights: the episodes, with consecutive seeds.
-        problem, seed, optimum, disturbances, store: as in `flight_rows`.
+        flown: the episodes, with consecutive seeds.
+        problem, seed, optimum, disturbances, store: as in `episode_rows`.
 
     Raises:
-        FasterThanOptimal, SolveFailed: as in `flight_rows`.
+        FasterThanOptimal, SolveFailed: as in `episode_rows`.
     """
     target = catalogue.problem(problem)
-    seeds = seed + np.arange(len(flights.steps))
+    seeds = seed + np.arange(len(flown.steps))
     k_star, proven = optima(target, seeds, store) if optimum is None else Optima.of([optimum]).repeat(len(seeds))
-    succeeded = np.array([word == "goal" for word in flights.outcomes])
-    for i in np.flatnonzero(succeeded & (flights.steps < k_star) & (not disturbances.active)):
-        flown = target if isinstance(target, Scenario) else target.scenario(int(seeds[i]))
-        raise FasterThanOptimal(flown, k_star[i], flights.actions[i], flights.states[i])
+    succeeded = np.array([word == "goal" for word in flown.outcomes])
+    for i in np.flatnonzero(succeeded & (flown.steps < k_star) & (not disturbances.active)):
+        scenario = target if isinstance(target, Scenario) else target.scenario(int(seeds[i]))
+        raise FasterThanOptimal(scenario, k_star[i], flown.actions[i], flown.states[i])
     return pd.DataFrame(
         {
             "scenario": target.name,
             "seed": seeds,
-            "outcome": flights.outcomes,
-            "steps": flights.steps,
+            "outcome": flown.outcomes,
+            "steps": flown.steps,
             "k_star": k_star,
             "proven": proven,
-            "gap": np.where(succeeded, flights.steps / k_star - 1, np.nan),
+            "gap": np.where(succeeded, flown.steps / k_star - 1, np.nan),
         }
     )
 
@@ -141,29 +142,29 @@ def evaluate(
     seed: int = EVALUATION_SEED,
     *,
     optimum: FewestSteps | None = None,
-    disturbances: Disturbances = CALM,
+    disturbances: Disturbances = NO_DISTURBANCES,
     store: str | Path | None = None,
     **columns: Any,
 ) -> pd.DataFrame:
-    """Return the score of a policy on a scenario or a distribution: a table of one row, columns COLUMNS.
+    """Return the score of a policy on a scenario or a distribution: a table of one row with COLUMNS.
 
-    `steps` and `gap` are interquartile means over the flights that succeed, `k_star` that of the same flights, `proven`
-    whether all of these K* are; what the row says of disturbances is which were on.
+    `steps` and `gap` are interquartile means over the successful episodes, `k_star` is that of the same episodes, and
+    `proven` tells whether all their K* are proven. `disturbances` holds the active disturbances.
 
     Args:
-        policy, problem, episodes, seed, optimum, disturbances, store: as in `flight_rows`.
+        policy, problem, episodes, seed, optimum, disturbances, store: as in `episode_rows`.
         columns: further columns of the row: agent, algorithm, env_steps, wall_time_s, command.
 
     Raises:
-        FasterThanOptimal, SolveFailed: as in `flight_rows`.
+        FasterThanOptimal, SolveFailed: as in `episode_rows`.
         ValueError: as there, and for an unknown column.
     """
     unknown = set(columns) - set(COLUMNS)
     if unknown:
         raise ValueError(f"unknown columns {sorted(unknown)}; known: {', '.join(COLUMNS)}")
-    rows = flight_rows(policy, problem, episodes, seed, optimum=optimum, disturbances=disturbances, store=store)
+    rows = episode_rows(policy, problem, episodes, seed, optimum=optimum, disturbances=disturbances, store=store)
     succeeded = rows["outcome"] == "goal"
-    judged = rows[succeeded] if succeeded.any() else rows
+    scored = rows[succeeded] if succeeded.any() else rows
     row: dict[str, Any] = {
         "scenario": rows["scenario"].iloc[0],
         "agent": type(policy).__name__,
@@ -172,8 +173,8 @@ def evaluate(
         "episodes": episodes,
         "success_rate": float(succeeded.mean()),
         "steps": float(iqm(rows["steps"].where(succeeded))),
-        "k_star": float(iqm(judged["k_star"])),
-        "proven": bool(judged["proven"].all()),
+        "k_star": float(iqm(scored["k_star"])),
+        "proven": bool(scored["proven"].all()),
         "gap": float(iqm(rows["gap"])),
         "outcomes": dict(Counter(rows["outcome"])),
         "disturbances": disturbances.active,

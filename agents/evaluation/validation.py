@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.evaluation.rollouts import Flights, fly
+from agents.evaluation.rollouts import Episodes, fly
 from agents.policies.policy import Policy
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.catalogue import ProblemLike
@@ -85,7 +85,7 @@ def best_of(curve: Sequence[Point]) -> Point | None:
     return best if best and best["success_rate"] > 0 else None
 
 
-def statistics(flights: Flights) -> Point:
+def statistics(flights: Episodes) -> Point:
     """Return the most frequent outcome, the success rate, and the mean steps of the successes (of all if none)."""
     succeeded = np.array([word == "goal" for word in flights.outcomes])
     steps = float(flights.steps[succeeded].mean() if succeeded.any() else flights.steps.mean())

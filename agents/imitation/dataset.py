@@ -9,7 +9,7 @@ import minari
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.demonstrations.recording import check
+from agents.demonstrations.verification import check
 from flatgym.task.observation import OBSERVATION_NAMES
 
 

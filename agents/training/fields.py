@@ -93,8 +93,9 @@ class Checked:
     """Name of the scenario or distribution."""
 
     def __post_init__(self) -> None:
-        for name, check in checks(type(self)).items():
-            object.__setattr__(self, name, check(type(self).__name__, name, getattr(self, name)))
+        kind: Any = type(self)  # Any, because mypy takes the __hash__ of instances for that of the class
+        for name, check in checks(kind).items():
+            object.__setattr__(self, name, check(kind.__name__, name, getattr(self, name)))
         catalogue.problem(self.scenario)
 
 
