@@ -90,7 +90,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     ## Termination
     | outcome | condition |
     |---------|-----------|
-    | goal | all hoops passed, distance to the goal <= 0.1 m, speed <= 0.2 m/s, theta within 0.1 rad of a multiple of 2 pi |
+    | goal | all hoops passed, within 0.1 m of the goal, speed <= 0.2 m/s, theta within 0.1 rad of a whole turn |
     | collision | the body touches a rim of a hoop; only with `Quadrotor(radius > 0)`, default 0 |
     | floor, ceiling | the path goes more than 1e-6 m below the floor or above the ceiling |
     | out-of-bounds | a step ends more than 5 m outside the bounding box of start, goal and hoop centres |

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
-from flatgym.envs.config import check_states
+from flatgym.envs.config import EnvConfig, check_states
 from flatgym.envs.fleet import Fleet, Mask, ResetResult, Seeds
 from flatgym.quadrotor import Array
-from flatgym.scenarios.reference import k_star_of
-from flatgym.scenarios.scenario import Scenario
+from flatgym.scenarios.distributions import Distribution
+from flatgym.scenarios.reference import k_star_of, reference
 from flatgym.validation import numbers
 
 OPTIONS = ("state", "hoops_passed")
@@ -55,15 +56,24 @@ def start_episodes(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[
 
 
 def known_k_star(fleet: Fleet, first: bool) -> Array:
-    """Return K* of the current episodes, shape (n,), NaN where it is unknown.
+    """Return K* of the current episodes from their own starts, shape (n,), NaN where it is unknown.
 
-    K* is unknown for fleets with a pool of starts, and for a distribution unless the episodes are the `first` ones of
-    their seeds.
+    Args:
+        fleet: n vehicles.
+        first: whether the episodes are the first ones of their seeds.
     """
     config = fleet.config
-    if config.starts is not None or not (first or isinstance(config.problem, Scenario)):
-        return np.full(fleet.n, np.nan)
-    return k_star_of(config.problem, fleet.seeds)
+    if first and config.starts is None and isinstance(config.problem, Distribution):
+        return k_star_of(config.problem, fleet.seeds)
+    return np.full(fleet.n, scenario_k_star(config))
+
+
+def scenario_k_star(config: EnvConfig) -> float:
+    """Return K* of the scenario; NaN if it is unknown, for a distribution, and with a pool of starts."""
+    if config.starts is not None or isinstance(config.problem, Distribution):
+        return math.nan
+    known = reference(config.problem)
+    return float(known.k_star) if known else math.nan
 
 
 def check_seed(seed: Any) -> int:

@@ -24,9 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from flatgym.envs.config import EnvConfig, Starts
 from flatgym.envs.fleet import OUTCOME, REWARD, TIME, Mask, Record, Seeds, StepResult, make_fleet
 from flatgym.envs.outcome_strings import OutcomeStrings
-from flatgym.envs.resetting import OPTIONS, check_options, check_seed, known_k_star, start_episodes
+from flatgym.envs.resetting import OPTIONS, check_options, check_seed, known_k_star, scenario_k_star, start_episodes
 from flatgym.envs.spaces import action_space, observation_space, take_actions
-from flatgym.quadrotor import Array
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.catalogue import DEFAULT_SCENARIO, Problem, ProblemLike
 from flatgym.scenarios.disturbances import Disturbances
@@ -92,7 +91,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         self._masks = {f"_{key}": self._all for key in INFO_KEYS}
         self._outcomes = OutcomeStrings(num_envs)
         self._begun = False
-        self._ended: Mask = np.zeros(num_envs, dtype=bool)
+        self._ended = _NONE  # vehicles whose episode has ended and that have not been reset
         self._k_star = np.full(num_envs, np.nan)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -147,7 +146,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         super().reset(seed=None if seed is None or isinstance(seed, Sequence) else check_seed(seed))
         seeds = self._seeds(seed)
         observation, record = start_episodes(self.fleet, mask, seeds, options)
-        self._begun, self._ended = True, self._ended & ~mask
+        self._begun, self._ended = True, self._ended[~mask[self._ended]]
         known = np.full(self.num_envs, np.nan) if options else known_k_star(self.fleet, first=seeds is not None)
         self._k_star = np.where(mask, known, self._k_star)
         return observation, self._infos(record, self._all, np.flatnonzero(record.numbers[OUTCOME]))
@@ -164,24 +163,29 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         if not self._begun:
             raise gym.error.ResetNeeded("call reset() before the first step()")
         take_actions(actions, self.fleet.actions)
-        if self.autoreset_mode == AutoresetMode.DISABLED and self._ended.any():
+        if self.autoreset_mode == AutoresetMode.DISABLED and self._ended.size:
             raise gym.error.ResetNeeded(
-                f"the episodes of vehicles {np.flatnonzero(self._ended)[:5].tolist()} have ended; reset them first"
+                f"the episodes of vehicles {self._ended[:5].tolist()} have ended; reset them first"
             )
         result = self.fleet.step()
         terminated, truncated, _ = result.record.flags
-        before, started = self._k_star, result.record.counts[0] == 0
-        if started.any():
-            self._k_star = np.where(started, known_k_star(self.fleet, first=False), before)
-        infos = self._infos(result.record, self._all, _NONE if result.final is not None else result.ended)
-        if self.autoreset_mode == AutoresetMode.DISABLED:
-            self._ended = terminated | truncated
-        elif result.final is not None:
-            infos |= self._final(result, terminated | truncated, before)
+        if result.final is not None:
+            infos = self._final(result, terminated | truncated)
+            self._start_next(result.ended)
+            infos |= self._infos(result.record, self._all, _NONE)
+        else:
+            self._start_next(self._ended)
+            infos = self._infos(result.record, self._all, result.ended)
+            self._ended = result.ended
         return result.observation, result.record.numbers[REWARD], terminated, truncated, infos
 
-    def _final(self, result: StepResult, mask: Mask, k_star: Array) -> dict[str, Any]:
-        """Return the final observations and infos of the episodes under `mask`, whose K* is `k_star`."""
+    def _start_next(self, rows: NDArray[np.intp]) -> None:
+        """Update K* of the vehicles that a step has reset."""
+        if rows.size:
+            self._k_star[rows] = scenario_k_star(self.config)
+
+    def _final(self, result: StepResult, mask: Mask) -> dict[str, Any]:
+        """Return the final observations and infos of the episodes under `mask`, before K* of the next is known."""
         assert result.final is not None
         assert result.final_observation is not None
         observations = np.full(self.num_envs, None, dtype=object)
@@ -191,7 +195,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             "final_obs": observations,
             "_final_obs": mask,
             "final_info": self._infos(Record.of(np.where(mask, result.final, 0.0)), mask, result.ended)
-            | {"k_star": np.where(mask, k_star, 0.0)},
+            | {"k_star": np.where(mask, self._k_star, 0.0)},
             "_final_info": mask,
         }
 

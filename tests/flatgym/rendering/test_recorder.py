@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flatgym import DISTRIBUTIONS, SCENARIOS
+from flatgym.envs.env import FlatQuadEnv
 from flatgym.rendering import Renderer, load_pygame
 from flatgym.rendering.recorder import EpisodeRecorder
 from flatgym.scenarios.reference import ghost_states, reference
@@ -57,13 +58,15 @@ def test_a_ghost_can_be_any_flight():
     assert (pictures[1] != pictures[2]).any()
 
 
-def test_clipped_actions_are_drawn_as_they_are_flown():
-    recorder = EpisodeRecorder(HOOP, "rgb_array", size=SIZE)
-    most = recorded(recorder, HOOP, np.array([[1.0, 0.0]] * 5))
-    recorder.start(HOOP, infos(HOOP, [])[0])
-    for info in infos(HOOP, np.array([[1.0, 0.0]] * 5))[1:]:
-        recorder.add([7.0, 0.0], info)
-    assert np.array_equal(recorder.draw(), most)
+def test_the_thrust_of_clipped_actions_is_drawn():
+    pictures = []
+    for action in ([1.0, 0.0], [7.0, 0.0]):
+        env = FlatQuadEnv(render_mode="rgb_array")
+        env.reset(seed=0)
+        for _ in range(5):
+            env.step(np.array(action))
+        pictures.append(env.render())
+    assert np.array_equal(*pictures)
 
 
 def test_scenarios_of_a_distribution_are_drawn_one_after_the_other():
