@@ -1,4 +1,16 @@
-"""The optimum: certified flights from exact rest to exact rest, and the environment's fewest steps."""
+"""The optimum: certified time-optimal flights from rest to rest, lower bounds, and the environment's fewest steps.
+
+flights/         what a trajectory is, and its certificate: limits, replay and hoops, checked without its solver
+paths/           curves y(s), and corridors between outer paths
+systems/         differentially flat systems
+direct/          direct multiple shooting over windings and initial guesses
+flat/            the flat method, the paper's eqs. (8) and (10)
+indirect/        Pontryagin's conditions
+proof/           lower bounds of the flight time: the dual, branch and bound
+minimum_time.py  `solve`: T*, by one of the three methods
+discrete/        `fewest_steps`: K*, with held controls and a tolerance at the goal
+batch.py         many scenarios at once, with store.py (answers on disk) and parallel.py (cores, Ray)
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -46,7 +58,7 @@ __all__ = [
     "solve_many",
 ]
 
-_LATER = {
+_LAZY = {
     "Corridor": "optimal.paths.corridors",
     "corridor": "optimal.paths.corridors",
     "paper_corridor": "optimal.paths.corridors",
@@ -58,10 +70,10 @@ _LATER = {
     "lower_bound": "optimal.proof.lower_bound",
     "prove": "optimal.proof.lower_bound",
 }
-"""Names imported when asked for: SciPy's splines, joblib and numba take longer than all the rest together."""
+"""Names imported on first use: SciPy's splines, joblib and numba take longer than everything else together."""
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _LATER:
+    if name not in _LAZY:
         raise AttributeError(f"module 'optimal' has no attribute {name!r}")
-    return getattr(import_module(_LATER[name]), name)
+    return getattr(import_module(_LAZY[name]), name)

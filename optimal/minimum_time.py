@@ -1,4 +1,10 @@
-"""The front door: a scenario in, a certified optimum out, by the road of one's choice."""
+"""The minimum flight time T* of a scenario: one of three methods, then a certificate and a proven lower bound.
+
+method       a Candidate: the fastest flight that shooting, the flat method or Pontryagin's conditions give
+certify      its limits, replay and hoops, checked independently of the method
+prove        a time that no flight can beat
+Solution     the answer, packed once
+"""
 
 from __future__ import annotations
 
@@ -6,24 +12,54 @@ import difflib
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from flatgym.scenarios.catalogue import ScenarioLike, scenario
 from flatgym.scenarios.scenario import Scenario
 from optimal.direct.clearance import tighten
-from optimal.direct.feasibility import beyond_horizon, impossible, suspect
-from optimal.direct.multistart import AGREEMENT, STARTS, Search, search
+from optimal.direct.feasibility import beyond_horizon, infeasibility_proof, infeasibility_suspect
+from optimal.direct.multistart import AGREEMENT, STARTS, search
 from optimal.direct.program import NODES
 from optimal.direct.shooting import WINDINGS, ShootingSolution
-from optimal.flights.certificate import certify
+from optimal.flights.certificate import Certificate, certify
 from optimal.flights.solution import Solution, SolveFailed, Status
+from optimal.flights.trajectory import Flight
 from optimal.indirect.costates import report
 
 MAX_GAP, TIME_BUDGET = 1e-3, 5.0
-"""How close to a flight its lower bound is to come, relatively, and the time granted for the proof [s]."""
+"""Largest relative gap between flight time and lower bound that the proof aims at, and its time limit [s]."""
 METHODS = ("shooting", "flat", "pontryagin")
-FLYABLE = (Status.SOLVED, Status.FEASIBLE, Status.LIMITS_AT_NODES_ONLY)
-"""How a solve may end that has something to show."""
+CERTIFIED = (Status.SOLVED, Status.FEASIBLE)
+"""Statuses that need a certificate that holds."""
+WITH_FLIGHT = (*CERTIFIED, Status.LIMITS_AT_NODES_ONLY)
+"""Statuses of a solution that has a flight time."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What a method returns, before it is certified.
+
+    Attributes:
+        flight: the fastest flight found; None if there is none.
+        status: the status of the solution, unless it needs a certificate that does not hold.
+        winding: whole turns of the tilt.
+        iterations: of the solver, over all starts.
+        starts: number of starts.
+        agreed: number of starts that ended within AGREEMENT of the best time.
+        reason: the obstacle, or the method's own message; reported without a flight only.
+        shot: the flight with its costates; shooting only.
+        hamiltonian_drift: as in the certificate, if the method itself computes it.
+    """
+
+    flight: Flight | None
+    status: Status
+    winding: int = 0
+    iterations: int = 0
+    starts: int = 0
+    agreed: int = 0
+    reason: str = ""
+    shot: ShootingSolution | None = None
+    hamiltonian_drift: float = math.inf
 
 
 def solve(
@@ -44,98 +80,105 @@ def solve(
 
     Args:
         problem: a scenario or its name.
-        method: "shooting" (direct multiple shooting with the exact step), "flat" (the paper's eq. (10),
-            between its own outer paths where it prints some, else automatic ones) or "pontryagin" (the
-            indirect road of the paper's reference [8]; no hoops, floor or ceiling).
-        windings: whole turns to try; not flat.
-        starts: starts for each winding, the first plain and the others drawn; shooting only.
-        seed: seed of the drawn starts.
+        method: "shooting" (direct multiple shooting with the exact step), "flat" (the paper's eq. (10), between the
+            paper's outer paths where it prints them, else automatic ones) or "pontryagin" (the indirect method of the
+            paper's reference [8]; no hoops, floor or ceiling).
+        windings: whole turns of the tilt to try; not flat.
+        starts: starts for each winding, the first from the default guess, the others random; shooting only.
+        seed: seed of the random guesses.
         nodes: steps of the whole flight; shooting only.
-        checks: "certified", or "nodes" for the flat road as published; flat only.
-        intervals: pieces of the flat functions on the first grid, None for `plan`'s; flat only.
-        max_gap: how close to the flight a lower bound is to be proven, relatively; None leaves that of thrust alone.
-        time_budget: when to stop proving [s], with the bound proven by then.
-        raise_on_failure: raise SolveFailed rather than return a solution that is not solved.
+        checks: "certified", or "nodes" for the flat method as published; flat only.
+        intervals: intervals of the flat functions on the first grid, None for the default of `plan`; flat only.
+        max_gap: relative gap that the proven lower bound aims at; None leaves the projection bound.
+        time_budget: time limit of the proof [s], after which the bound proven by then is returned.
+        raise_on_failure: raise SolveFailed instead of returning a solution without a flight time.
 
     Raises:
         SolveFailed: with the problem and the result, when no certified flight was found.
-        ValueError: for an unknown scenario or method, or a scenario the method cannot take, saying why; for a gap or
-            budget that is not positive.
+        ValueError: for an unknown scenario or method, a scenario that the method cannot take, no windings or starts,
+            or a gap or budget that is not positive.
     """
     task = scenario(problem)
     if method not in METHODS:
         near = difflib.get_close_matches(str(method), METHODS, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}{hint}")
-    begun, shot = time.perf_counter(), None
+    begun = time.perf_counter()
     if method == "flat":
-        solution = _flat(task, checks, intervals, begun)
+        candidate = _flat(task, checks, intervals)
     elif method == "pontryagin":
-        solution = _pontryagin(task, windings, begun)
+        candidate = _pontryagin(task, windings)
     else:
-        solution, shot = _shooting(task, windings, starts, seed, nodes, begun)
-    if max_gap is not None and math.isfinite(solution.time):
-        solution = bounded(solution, shot, max_gap, time_budget)
-    if raise_on_failure and solution.status not in FLYABLE:
+        candidate = _shooting(task, windings, starts, seed, nodes)
+    candidate, certificate = _certified(task, candidate)
+    solve_time = time.perf_counter() - begun
+    status = candidate.status
+    if status in CERTIFIED and not certificate.holds():
+        status = Status.NOT_CERTIFIED
+    duration = candidate.flight.duration if candidate.flight and status in WITH_FLIGHT else math.inf
+    if max_gap is not None and math.isfinite(duration):
+        bound = max(_lower_bound(task, candidate.shot, max_gap, time_budget), certificate.lower_bound)
+        certificate = replace(certificate, lower_bound=bound, gap=duration / bound - 1)
+    solution = Solution(
+        scenario=task,
+        method=method,
+        time=duration,
+        status=status,
+        winding=candidate.winding,
+        trajectory=candidate.flight,
+        certificate=certificate,
+        iterations=candidate.iterations,
+        solve_time=solve_time,
+        starts=candidate.starts,
+        agreed=candidate.agreed,
+        reason="" if status in WITH_FLIGHT else candidate.reason,
+    )
+    if raise_on_failure and status not in WITH_FLIGHT:
         raise SolveFailed(task, solution)
     return solution
 
 
-def bounded(solution: Solution, shot: ShootingSolution | None, max_gap: float, time_budget: float) -> Solution:
-    """Return a solution whose certificate holds a proven lower bound; see `optimal.proof.lower_bound.prove` for the arguments.
+def _certified(task: Scenario, candidate: Candidate) -> tuple[Candidate, Certificate]:
+    """Return a candidate with its certificate; small violations of a flight by shooting are repaired."""
+    certificate, shot, drift = certify(candidate.flight, task), candidate.shot, candidate.hamiltonian_drift
+    if shot is not None:
+        if not certificate.holds():
+            shot, certificate = tighten(task, shot, certificate)
+            candidate = replace(candidate, flight=shot.trajectory, shot=shot)
+        drift = report(shot, task).hamiltonian_drift
+    return candidate, replace(certificate, hamiltonian_drift=drift)
 
-    Args:
-        shot: the direct solution with its costates; None has one searched for.
-    """
-    # Here, because it leans on numba, which takes longer to import than all the rest.
+
+def _lower_bound(task: Scenario, shot: ShootingSolution | None, max_gap: float, time_budget: float) -> float:
+    """Return a proven lower bound of the flight time [s], from the costates of a flight; None searches for one."""
+    # Imported here, because it needs numba, which takes longer to import than everything else.
     from optimal.proof.lower_bound import prove, prove_near
 
     if shot is None:
-        proof = prove(solution.scenario, max_gap=max_gap, time_budget=time_budget)
-    else:
-        proof = prove_near(solution.scenario, shot, max_gap=max_gap, time_budget=time_budget)
-    bound = max(proof.time, solution.certificate.lower_bound)
-    certificate = replace(solution.certificate, lower_bound=bound, gap=solution.time / bound - 1)
-    return replace(solution, certificate=certificate)
+        return prove(task, max_gap=max_gap, time_budget=time_budget).time
+    return prove_near(task, shot, max_gap=max_gap, time_budget=time_budget).time
 
 
-def _shooting(
-    task: Scenario, windings: Sequence[int], starts: int, seed: int, nodes: int, begun: float
-) -> tuple[Solution, ShootingSolution | None]:
-    reason, distance = impossible(task), beyond_horizon(task)
-    found = Search() if reason or distance else search(task, windings=windings, starts=starts, seed=seed, nodes=nodes)
-    # Only the fastest counts: a slower flight that is certified would not be the optimum.
-    chosen = found.shots[0] if found.shots else None
-    certificate = certify(chosen.trajectory if chosen else None, task)
-    if chosen and not certificate.holds():
-        chosen, certificate = tighten(task, chosen, certificate)
-    if chosen:
-        certificate = replace(certificate, hamiltonian_drift=report(chosen, task).hamiltonian_drift)
-        status = Status.SOLVED if certificate.holds() else Status.NOT_CERTIFIED
-    else:
-        status = Status.INFEASIBLE if reason else Status.NOT_CONVERGED
-        reason = reason or distance or suspect(task)
-    solution = Solution(
-        scenario=task,
-        method="shooting",
-        time=chosen.trajectory.duration if chosen and status is Status.SOLVED else math.inf,
-        status=status,
-        winding=chosen.winding if chosen else 0,
-        trajectory=chosen.trajectory if chosen else None,
-        certificate=certificate,
-        iterations=found.iterations,
-        solve_time=time.perf_counter() - begun,
-        starts=found.starts,
-        agreed=found.agreed,
-        reason=reason,
+def _shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int, nodes: int) -> Candidate:
+    if reason := infeasibility_proof(task):
+        return Candidate(None, Status.INFEASIBLE, reason=reason)
+    if reason := beyond_horizon(task):
+        return Candidate(None, Status.NOT_CONVERGED, reason=reason)
+    found = search(task, windings=windings, starts=starts, seed=seed, nodes=nodes)
+    nothing = Candidate(
+        None, Status.NOT_CONVERGED, iterations=found.iterations, starts=found.starts, agreed=found.agreed
     )
-    return solution, chosen
+    if not found.shots:
+        return replace(nothing, reason=infeasibility_suspect(task))
+    # Only the fastest flight counts: a slower one that is certified would not be the optimum.
+    shot = found.shots[0]
+    return replace(nothing, flight=shot.trajectory, status=Status.SOLVED, winding=shot.winding, shot=shot)
 
 
-# The two other roads lean on SciPy, which takes longer to import than all the rest together.
+# The two other methods need SciPy, which takes longer to import than everything else here.
 
 
-def _flat(task: Scenario, checks: str, intervals: int | None, begun: float) -> Solution:
+def _flat(task: Scenario, checks: str, intervals: int | None) -> Candidate:
     from optimal.flat.planning import plan
     from optimal.flat.refinement import INTERVALS
     from optimal.paths.corridors import corridor, is_printed, paper_corridor
@@ -143,55 +186,38 @@ def _flat(task: Scenario, checks: str, intervals: int | None, begun: float) -> S
     outer_paths = paper_corridor(task) if is_printed(task) else corridor(task)
     size = INTERVALS if intervals is None else intervals
     found = plan(outer_paths.paths, task.quadrotor, ends=outer_paths.ends, checks=checks, intervals=size)
-    certificate = certify(found.trajectory, task)
     if not found.converged:
         status = Status.NOT_CONVERGED
     elif checks == "nodes":
         status = Status.LIMITS_AT_NODES_ONLY
-    elif not certificate.holds():
-        status = Status.NOT_CERTIFIED
     else:
         status = Status.SOLVED if found.optimised else Status.FEASIBLE
     flight = found.trajectory
-    return Solution(
-        scenario=task,
-        method="flat",
-        time=found.time if status in FLYABLE else math.inf,
-        status=status,
+    return Candidate(
+        flight,
+        status,
         winding=0 if flight is None else round(float(flight.state(flight.duration)[4]) / (2 * math.pi)),
-        trajectory=flight,
-        certificate=certificate,
         iterations=found.iterations,
-        solve_time=time.perf_counter() - begun,
         starts=1,
-        agreed=int(status in FLYABLE),
-        reason="" if status in FLYABLE else found.status,
+        agreed=int(found.converged),
+        reason=found.status,
     )
 
 
-def _pontryagin(task: Scenario, windings: Sequence[int], begun: float) -> Solution:
+def _pontryagin(task: Scenario, windings: Sequence[int]) -> Candidate:
     from optimal.indirect.pontryagin import pontryagin
 
     extremals = [pontryagin(task, winding) for winding in windings]
     if not extremals:
         raise ValueError(f"needs at least one winding, got windings={windings!r}")
     best = min(extremals, key=lambda extremal: extremal.time)
-    certificate = replace(certify(best.trajectory, task), hamiltonian_drift=best.hamiltonian_drift)
-    if not best.converged:
-        status = Status.NOT_CONVERGED
-    else:
-        status = Status.SOLVED if certificate.holds() else Status.NOT_CERTIFIED
-    return Solution(
-        scenario=task,
-        method="pontryagin",
-        time=best.time if status is Status.SOLVED else math.inf,
-        status=status,
-        winding=best.winding,
-        trajectory=best.trajectory,
-        certificate=certificate,
+    return Candidate(
+        best.trajectory,
+        Status.SOLVED if best.converged else Status.NOT_CONVERGED,
+        best.winding,
         iterations=sum(extremal.evaluations for extremal in extremals),
-        solve_time=time.perf_counter() - begun,
         starts=len(extremals),
         agreed=sum(extremal.time <= best.time * (1 + AGREEMENT) for extremal in extremals),
-        reason="" if status is Status.SOLVED else best.message,
+        reason=best.message,
+        hamiltonian_drift=best.hamiltonian_drift,
     )

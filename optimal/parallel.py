@@ -1,4 +1,4 @@
-"""TODO optimal/parallel.py."""
+"""A map over many tasks, on the cores of this machine (joblib's loky) or on a Ray cluster, with a progress bar."""
 
 from __future__ import annotations
 
@@ -12,30 +12,44 @@ import joblib
 from flatgym.scenarios.scenario import Scenario
 
 BACKENDS = ("loky", "ray")
-PATIENCE = 2.0
-"""How long a batch runs before it shows a bar [s]."""
-WAVE = 8
-"""Tasks of each Ray worker in a wave."""
+BAR_DELAY = 2.0
+"""Time after which a batch shows a progress bar [s]."""
+RAY_WAVE = 8
+"""Tasks of each Ray worker in one wave."""
 Progress = bool | Callable[[int, int], None]
+"""Whether to show a bar on a terminal, or a function that takes the number of finished tasks and of all tasks."""
 
 
-def _check_workers(jobs: int, backend: str) -> None:
+def check_workers(jobs: int, backend: str) -> None:
+    """Raise a ValueError for an unknown backend or an impossible number of workers."""
     if backend not in BACKENDS:
         raise ValueError(f"unknown backend {backend!r}; known: {', '.join(BACKENDS)}")
     if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs == 0:
         raise ValueError(f"jobs must be a number of processes, or -1 for one a core, got {jobs!r}")
 
 
-def unordered(attempt: Callable[[Scenario], Any], left: list[Scenario], jobs: int, backend: str) -> Iterator[Any]:
-    """Yield the answers as they come: one by one, or in waves from Ray, which hands out nothing before all is done."""
-    calls = [joblib.delayed(attempt)(task) for task in left]
+def unordered(function: Callable[[Scenario], Any], tasks: list[Scenario], jobs: int, backend: str) -> Iterator[Any]:
+    """Yield function(task) of all tasks in the order in which they finish.
+
+    Ray returns nothing before all of its tasks are done. It therefore gets them in waves.
+
+    Args:
+        function: must be picklable.
+        tasks: its arguments, at least one.
+        jobs: worker processes; -1 is one for each core.
+        backend: one of BACKENDS.
+
+    Raises:
+        ImportError: for backend="ray" without Ray.
+    """
+    calls = [joblib.delayed(function)(task) for task in tasks]
     if backend == "loky":
         with joblib.parallel_config(backend=backend, inner_max_num_threads=1):
             yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(calls)
         return
     _register_ray()
     with joblib.parallel_config(backend=backend):
-        size = WAVE * joblib.effective_n_jobs(jobs)
+        size = RAY_WAVE * joblib.effective_n_jobs(jobs)
         for begin in range(0, len(calls), size):
             yield from joblib.Parallel(n_jobs=jobs)(calls[begin : begin + size])
 
@@ -48,11 +62,11 @@ def _register_ray() -> None:
     register_ray()  # type: ignore[no-untyped-call]
 
 
-def _watched(found: Iterator[Any], total: int, progress: Progress) -> Iterator[Any]:
-    """Pass answers on and show how many there are, on a terminal once it has taken a while."""
+def with_progress(found: Iterator[Any], total: int, progress: Progress) -> Iterator[Any]:
+    """Yield the items of an iterator and report progress: to a function, or as a bar on a terminal after BAR_DELAY."""
     if callable(progress) or not (progress and total and sys.stderr.isatty()):
-        for done, answer in enumerate(found, start=1):
-            yield answer
+        for done, item in enumerate(found, start=1):
+            yield item
             if callable(progress):
                 progress(done, total)
         return
@@ -63,10 +77,10 @@ def _watched(found: Iterator[Any], total: int, progress: Progress) -> Iterator[A
     bar = Bar(console=Console(stderr=True))
     work = bar.add_task("scenarios", total=total)
     try:
-        for answer in found:
-            yield answer
+        for item in found:
+            yield item
             bar.advance(work)
-            if time.monotonic() - begun > PATIENCE:
+            if time.monotonic() - begun > BAR_DELAY:
                 bar.start()
     finally:
         bar.stop()

@@ -1,9 +1,12 @@
-"""Finished answers on disk, one file each, so that a broken-off batch goes on where it stopped.
+"""Finished answers on disk, one file each; an interrupted batch resumes from them.
 
-A file is written whole under a temporary name and renamed, and named by a hash of the question: what
-was asked, of which scenario, with which options. It holds plain JSON - the answer, the version that
-gave it and a checksum - and nothing executable; numbers are written in full, so that reading gives
-back the very same ones. A file that cannot be trusted is set aside, never overwritten.
+A file is named by a hash of the question: the solver, its options, and the scenario. It is written under a temporary
+name and then renamed. It holds plain JSON and nothing executable: the answer, the version that computed it, and a
+checksum. Numbers are written in full; reading returns the same numbers to the bit. A damaged file is moved aside, never
+overwritten.
+
+JSON has no infinities and no NaN. Here they are written as {"number": "inf"}, because an answer must read back to the
+same values. Result files for people and programs (`experiments.files.plain`) have null instead.
 """
 
 from __future__ import annotations
@@ -28,15 +31,15 @@ from optimal.flights.trajectory import Trajectory
 
 Answer = Solution | FewestSteps
 SCHEMA = 1
-"""Version of the files; what another one wrote is set aside."""
+"""Version of the file format; files of another version are moved aside."""
 
 
 class Store:
     """A folder of answers.
 
     Args:
-        folder: made where it does not exist.
-        question: what is asked of every scenario, with its options, as plain data.
+        folder: created if it does not exist.
+        question: the solver and its options, the same for every scenario, as plain data.
     """
 
     def __init__(self, folder: str | Path, question: dict[str, Any]) -> None:
@@ -45,12 +48,12 @@ class Store:
 
     def path(self, scenario: Scenario) -> Path:
         """Return the file of a scenario's answer."""
-        asked = json.dumps([self.question, scenario.to_dict()], sort_keys=True)
-        word = re.sub(r"[^\w-]+", "_", scenario.name)[:40]
-        return self.folder / f"{word}-{hashlib.sha256(asked.encode()).hexdigest()[:20]}.json"
+        question = json.dumps([self.question, scenario.to_dict()], sort_keys=True)
+        name = re.sub(r"[^\w-]+", "_", scenario.name)[:40]
+        return self.folder / f"{name}-{hashlib.sha256(question.encode()).hexdigest()[:20]}.json"
 
     def read(self, scenario: Scenario) -> Answer | None:
-        """Return a scenario's answer; None where there is none, or none to be trusted: that file is set aside."""
+        """Return a scenario's answer; None if there is no file, or if the file is damaged, which moves it aside."""
         path = self.path(scenario)
         try:
             return decoded(path.read_text(encoding="utf-8"), scenario)
@@ -60,29 +63,29 @@ class Store:
             aside = free(path.with_name(path.name + ".set-aside"))
             path.replace(aside)
             warnings.warn(
-                f"{path} cannot be used ({error}); set aside as {aside.name} and computed again", stacklevel=2
+                f"{path} cannot be used ({error}); moved aside as {aside.name} and computed again", stacklevel=2
             )
             return None
 
     def write(self, answer: Answer) -> None:
-        """Keep an answer.
+        """Write an answer.
 
         Raises:
-            OSError: naming the file, when it cannot be written; what was written before is kept.
+            OSError: naming the file, when it cannot be written; earlier answers stay.
         """
         path = self.path(answer.scenario)
         try:
             write_text(path, encoded(answer))
         except OSError as error:
-            words = f"{error.strerror}; the answers finished before are kept: make room and run again"
-            raise OSError(error.errno, words, str(path)) from error
+            message = f"{error.strerror}; earlier answers stay in the store: free some space and run again"
+            raise OSError(error.errno, message, str(path)) from error
 
 
 def encoded(answer: Answer) -> str:
     """Return an answer as the text of its file.
 
     Raises:
-        TypeError: for what has no plain form, as the flights of the flat road.
+        TypeError: for values without a plain form, such as the trajectories of the flat method.
     """
     kind = type(answer).__name__
     values = {field.name: _plain(getattr(answer, field.name)) for field in fields(answer)}
@@ -92,14 +95,14 @@ def encoded(answer: Answer) -> str:
 
 
 def decoded(text: str, scenario: Scenario) -> Answer:
-    """Return the answer that a file's text holds.
+    """Return the answer in the text of a file.
 
     Raises:
-        ValueError: when it is damaged, of another version, or answers for another scenario.
+        ValueError: when it is damaged, of another version, or the answer for another scenario.
     """
     data = json.loads(text)
     if not isinstance(data, dict):
-        raise ValueError("it holds no answer")
+        raise ValueError("no answer in it")
     found = data.get("schema"), data.get("version")
     if found != (SCHEMA, flatgym.__version__):
         raise ValueError(
@@ -107,10 +110,10 @@ def decoded(text: str, scenario: Scenario) -> Answer:
         )
     body = {key: data[key] for key in ("kind", "answer")}
     if data.get("sha256") != _checksum(body):
-        raise ValueError("its checksum is wrong")
+        raise ValueError("wrong checksum")
     values = {name: _value(name, value, scenario) for name, value in body["answer"].items()}
     if values["scenario"] != scenario:
-        raise ValueError(f"it answers for {values['scenario']}")
+        raise ValueError(f"it is the answer for {values['scenario']}")
     return {"Solution": Solution, "FewestSteps": FewestSteps}[body["kind"]](**values)
 
 
@@ -119,7 +122,7 @@ def _checksum(body: dict[str, Any]) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return one field of an answer as JSON can hold it; numbers that are not finite become words."""
+    """Return one field of an answer as plain JSON data; a number that is not finite becomes {"number": "inf"}."""
     if isinstance(value, Scenario):
         return value.to_dict()
     if isinstance(value, Certificate):
@@ -136,16 +139,16 @@ def _plain(value: Any) -> Any:
         return {"number": repr(float(value))}
     if value is None or isinstance(value, (str, bool, int, float)):
         return value.item() if isinstance(value, np.generic) else value
-    raise TypeError(f"a store keeps no {type(value).__name__}; leave out store=")
+    raise TypeError(f"a store cannot hold a {type(value).__name__}; leave out store=")
 
 
 def _value(name: str, plain: Any, scenario: Scenario) -> Any:
-    """Return one field of an answer for a scenario from its plain form."""
+    """Return one field of an answer for a scenario from its plain JSON data."""
     if name == "scenario":
         return Scenario.from_dict(plain)
     if name == "status":
         return Status[plain]
-    value = _finite_or_not(plain)
+    value = _numbers(plain)
     if name == "certificate":
         return Certificate(**value)
     if name == "trajectory" and value is not None:
@@ -157,11 +160,12 @@ def _value(name: str, plain: Any, scenario: Scenario) -> Any:
     return value
 
 
-def _finite_or_not(plain: Any) -> Any:
-    """Return plain data with the words for numbers that are not finite turned back into numbers."""
+def _numbers(plain: Any) -> Any:
+    """Return plain data with every {"number": "inf"} turned back into a number."""
     if isinstance(plain, list):
-        return [_finite_or_not(entry) for entry in plain]
+        return [_numbers(entry) for entry in plain]
     if isinstance(plain, dict):
-        words = set(plain) == {"number"}
-        return float(plain["number"]) if words else {key: _finite_or_not(entry) for key, entry in plain.items()}
+        if set(plain) == {"number"}:
+            return float(plain["number"])
+        return {key: _numbers(entry) for key, entry in plain.items()}
     return plain

@@ -1,1 +1,1 @@
-"""Direct multiple shooting over windings and initial guesses."""
+"""Direct multiple shooting: all windings, several initial guesses, certified limits."""

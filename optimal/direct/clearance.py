@@ -1,17 +1,16 @@
-"""Bodies with a radius: a flight that keeps clear of the rims in continuous time.
+"""Constraint tightening: bodies keep clear of rims in continuous time, and small violations are repaired.
 
-A point that crosses the middle of the gap may still touch a rim with its body before or after. So
-the flight of the point comes first; then, starting from it, the distance to both rim points is
-constrained at the quarter points of all arcs around the crossing,
+A body whose centre crosses the gap may still touch a rim before or after the crossing. The flight of a point is solved
+first. Starting from it, the distance to both rim points is constrained at the quarter points of all arcs around the
+crossing,
 
     |p - rim|^2 >= (radius + clearance)^2.
 
-Between the quarter points the body can still dip in, by half a millimetre or so: how deep is
-measured on the exact arcs, the clearance grows by that, and the program is solved once more, until
-the flight is clear.
+Between the quarter points the body can still dip in, by about half a millimetre. The depth is measured on the exact
+arcs, the clearance grows by it, and the program is solved again, until the flight is clear.
 
-What the certificate finds outside a gap or a height by more than rounding, as where a hoop is crossed at a flat angle,
-is mended in the same way: the task is narrowed by what was found, and solved again from the flight.
+A violation of a gap or a height found by the certificate is repaired in the same way. It occurs where a hoop is crossed
+at a flat angle. The limits of the task are tightened by the violation, and the task is solved again from the flight.
 """
 
 from __future__ import annotations
@@ -19,25 +18,25 @@ from __future__ import annotations
 from dataclasses import replace
 
 from flatgym.scenarios.scenario import Scenario
-from optimal.direct import transcription as tr
 from optimal.direct.guesses import warm_start
 from optimal.direct.program import NODES, Shape, phase_steps
 from optimal.direct.shooting import ShootingSolution, solve_from
+from optimal.direct.transcription import has_height_limits
 from optimal.flights.certificate import TOLERANCE, Certificate, certify
 from optimal.flights.replay import path_violation, replay_controls
 
-CLEAR = TOLERANCE
-"""Depth in a rim that counts as clear, and what the clearance grows by beyond the depth measured [m]."""
-AMPLE = 1.1
-"""By how many times the depth the clearance grows: when pushed out here, the body dips in again nearby."""
-NEAR = 1e-3
-"""A flight outside by more than this [m] is not mended but another one."""
+MARGIN = TOLERANCE
+"""Depth in a rim that counts as clear, and growth of the clearance beyond the measured depth [m]."""
+GROWTH = 1.1
+"""Growth of the clearance over the measured depth: a body pushed out here dips in again nearby."""
+LARGEST_REPAIR = 1e-3
+"""Largest violation that is repaired [m]; beyond it the result would be a different flight."""
 ROUNDS = 8
-"""Times the clearance may grow."""
+"""Most increases of the clearance."""
 
 
 def rim_depth(scenario: Scenario, shot: ShootingSolution) -> float:
-    """Return how deep the body of a flight reaches into a rim, in continuous time [m]."""
+    """Return the largest depth of a flight's body in a rim, in continuous time [m]."""
     flight = shot.trajectory
     _, arcs = replay_controls(flight, scenario.quadrotor, scenario.start_state, flight.breakpoints, flight.states)
     return path_violation(arcs, replace(scenario, floor=None, ceiling=None))
@@ -46,61 +45,61 @@ def rim_depth(scenario: Scenario, shot: ShootingSolution) -> float:
 def keep_clear(
     scenario: Scenario, shot: ShootingSolution, *, nodes: int = NODES, tolerant: bool = False
 ) -> ShootingSolution:
-    """Return the flight nearby that keeps the body clear of all rims; one that does already is returned as it is.
+    """Return the nearby flight that keeps the body clear of all rims; a clear flight is returned unchanged.
 
     Args:
-        scenario: what to fly.
-        shot: a flight of the scenario's point, converged.
+        scenario: the task.
+        shot: a converged flight of the scenario for a point.
         nodes: steps of the whole flight, as for `solve_winding`.
-        tolerant: whether it may end anywhere within the tolerance.
+        tolerant: whether the flight may end anywhere within the tolerance.
     """
     if not scenario.hoops or scenario.quadrotor.radius == 0:
         return shot
     steps = phase_steps(scenario, nodes)
-    shape = Shape(steps, tr.limited(scenario), tolerant, rims=True)
+    shape = Shape(steps, has_height_limits(scenario), tolerant, rims=True)
     depth, clearance, iterations = rim_depth(scenario, shot), 0.0, shot.iterations
     for _ in range(ROUNDS):
-        if depth <= CLEAR or not shot.converged:
+        if depth <= MARGIN or not shot.converged:
             break
         guess = warm_start(shot.trajectory, steps)
         shot = solve_from(scenario, shape, shot.winding, guess, warm=True, clearance=clearance)
         iterations += shot.iterations
         depth = rim_depth(scenario, shot)
-        clearance += AMPLE * depth + CLEAR
-    return replace(shot, converged=shot.converged and depth <= CLEAR, iterations=iterations)
+        clearance += GROWTH * depth + MARGIN
+    return replace(shot, converged=shot.converged and depth <= MARGIN, iterations=iterations)
 
 
 def tighten(
     scenario: Scenario, shot: ShootingSolution, certificate: Certificate
 ) -> tuple[ShootingSolution, Certificate]:
-    """Return the flight nearby whose certificate holds, and that; the last one tried where none is found.
+    """Return a nearby flight whose certificate holds, and the certificate; the last one tried if none is found.
 
     Args:
-        scenario: what to fly.
-        shot: a flight of it, converged.
+        scenario: the task.
+        shot: a converged flight of it.
         certificate: of that flight.
     """
-    room = 0.0
+    margin = 0.0
     for _ in range(ROUNDS):
-        excess = max(certificate.max_path_violation, -certificate.hoop_clearance)
-        if certificate.holds() or not (shot.converged and excess < NEAR):
+        violation = max(certificate.max_path_violation, -certificate.hoop_clearance)
+        if certificate.holds() or not (shot.converged and violation < LARGEST_REPAIR):
             break
-        room += AMPLE * excess + CLEAR
+        margin += GROWTH * violation + MARGIN
         rims = bool(scenario.hoops) and scenario.quadrotor.radius > 0
-        shape = Shape(shot.steps, tr.limited(scenario), False, rims)
+        shape = Shape(shot.steps, has_height_limits(scenario), False, rims)
         guess = warm_start(shot.trajectory, shot.steps)
-        shot = solve_from(narrowed(scenario, room), shape, shot.winding, guess, warm=True, clearance=room)
+        shot = solve_from(tightened_limits(scenario, margin), shape, shot.winding, guess, warm=True, clearance=margin)
         certificate = certify(shot.trajectory, scenario)
     return shot, certificate
 
 
-def narrowed(scenario: Scenario, room: float) -> Scenario:
-    """Return a scenario whose gaps and heights are narrower by `room` [m], where the body, start and goal leave it."""
+def tightened_limits(scenario: Scenario, margin: float) -> Scenario:
+    """Return a scenario with gaps and heights tightened by `margin` [m], as far as body, start and goal allow."""
     heights = scenario.start[1], scenario.goal[1]
     floor, ceiling = scenario.floor, scenario.ceiling
-    narrowest = 2 * (scenario.quadrotor.radius + CLEAR)
+    narrowest = 2 * (scenario.quadrotor.radius + MARGIN)
     return replace(
-        scenario.with_diameters(max(hoop.diameter - 2 * room, narrowest) for hoop in scenario.hoops),
-        floor=floor if floor is None or floor + room > min(heights) else floor + room,
-        ceiling=ceiling if ceiling is None or ceiling - room < max(heights) else ceiling - room,
+        scenario.with_diameters(max(hoop.diameter - 2 * margin, narrowest) for hoop in scenario.hoops),
+        floor=floor if floor is None or floor + margin > min(heights) else floor + margin,
+        ceiling=ceiling if ceiling is None or ceiling - margin < max(heights) else ceiling - margin,
     )

@@ -1,12 +1,12 @@
-"""Why there is no flight: what can be shown before the solve, and whom to suspect after it.
+"""Infeasibility: proofs before the solve, and a diagnosis after a failed solve.
 
-Before: the places where the vehicle's centre may pass a hoop are its gap, less the radius at both
-ends, less what lies below the floor or above the ceiling, less the discs of that radius about the
-rims of the other hoops. Where nothing is left, no flight exists. (A vehicle that cannot hover and
-a hoop that lies wholly outside the heights are refused by `Scenario` itself.)
+Proof: the vehicle's centre can pass a hoop in its gap, less the radius at both ends, less what lies below the floor or
+above the ceiling, less the discs of that radius about the rims of the other hoops. If nothing is left, there is no
+flight.
+(`Scenario` itself rejects a vehicle that cannot hover and a hoop that lies entirely outside the heights.)
 
-After: where the solver finds nothing, it is asked again with one requirement left out at a time. The
-first whose absence lets it converge stands in the way - of the solver at least, which is no proof.
+Diagnosis: the solver runs again with one requirement removed at a time. The first removal that lets it converge names
+the suspect. This is no proof.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from flatgym.scenarios.scenario import Scenario
-from optimal.direct.program import LONGEST
+from optimal.direct.program import LONGEST_PHASE
 from optimal.direct.shooting import solve_coarse
 from optimal.flights.projection_bound import projection_bound
 
 Interval = tuple[float, float]
 
 TOUCH = 1e-9
-"""A passage narrower than this between two rims [m] is none: the body would touch both."""
+"""Width of a passage between two rims that is too narrow [m]: the body would touch both."""
 
 
-def impossible(scenario: Scenario) -> str:
-    """Return why no flight of a scenario can exist, naming the limit at fault; empty where none is known."""
+def infeasibility_proof(scenario: Scenario) -> str:
+    """Return why no flight of a scenario can exist, with the limit at fault; empty if no reason is known."""
     for i, hoop in enumerate(scenario.hoops):
         name, (low, high) = f"hoops[{i}]", scenario.heights
         if abs(math.cos(hoop.angle)) < 1e-9 and not low < hoop.z < high:
@@ -44,7 +44,7 @@ def impossible(scenario: Scenario) -> str:
 
 
 def passage(scenario: Scenario, index: int) -> list[Interval]:
-    """Return where on the line of a hoop the vehicle's centre may pass, as intervals from its centre [m].
+    """Return where the vehicle's centre may pass on the line of a hoop, as intervals from the hoop's centre [m].
 
     Args:
         scenario: the task.
@@ -58,8 +58,8 @@ def passage(scenario: Scenario, index: int) -> list[Interval]:
         low, high = max(low, ends[0]), min(high, ends[1])
     free = [(low, high)] if low <= high else []
     for other in scenario.hoops if radius > 0 else ():
-        for side in (-0.5, 0.5):
-            offset = other.centre + side * other.diameter * other.across - hoop.centre
+        for rim in other.rims:
+            offset = rim - hoop.centre
             reach = math.sqrt(max(0.0, radius**2 - float(offset @ hoop.direction) ** 2))
             middle = float(offset @ hoop.across)
             pieces = [piece for a, b in free for piece in ((a, min(b, middle - reach)), (max(a, middle + reach), b))]
@@ -68,8 +68,8 @@ def passage(scenario: Scenario, index: int) -> list[Interval]:
 
 
 def beyond_horizon(scenario: Scenario) -> str:
-    """Return why the goal is beyond the longest flight the solver considers; empty where it is not."""
-    least, longest = projection_bound(scenario), LONGEST * (len(scenario.hoops) + 1)
+    """Return why the goal is beyond the longest flight that the solver considers; empty if it is not."""
+    least, longest = projection_bound(scenario), LONGEST_PHASE * (len(scenario.hoops) + 1)
     if least <= longest:
         return ""
     return (
@@ -78,16 +78,16 @@ def beyond_horizon(scenario: Scenario) -> str:
     )
 
 
-def suspect(scenario: Scenario) -> str:
-    """Return what seems to keep the solver from a flight, found by leaving out one requirement at a time."""
-    for words, easier in relaxations(scenario):
+def infeasibility_suspect(scenario: Scenario) -> str:
+    """Return the requirement that seems to keep the solver from a flight, found by removing one at a time."""
+    for change, easier in relaxations(scenario):
         if solve_coarse(easier).converged:
-            return f"The optimiser finds a flight {words}; look there."
-    return "The optimiser finds no flight even without hoops and heights; look at goal and thrust_max."
+            return f"The optimiser finds a flight {change}; check this requirement."
+    return "The optimiser finds no flight even without hoops, floor and ceiling; check goal and thrust_max."
 
 
 def relaxations(scenario: Scenario) -> Iterator[tuple[str, Scenario]]:
-    """Yield the scenario with one requirement less, and words for it."""
+    """Yield a description of each removed requirement and the scenario without it."""
     if scenario.floor is not None:
         yield f"without the floor at {scenario.floor} m", replace(scenario, floor=None)
     if scenario.ceiling is not None:

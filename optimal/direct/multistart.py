@@ -1,14 +1,13 @@
-"""The search over local optima: every number of turns, several starts, the fastest flight.
+"""Multi-start search over local optima: all windings, several starts each, the fastest flight first.
 
-Every start is solved on the coarse grid; only flights not much slower than the fastest go on to the
-full grid, one of each kind. Windings are tried from few turns to many, and one is left out where its
-turns alone take longer than the fastest flight found so far,
+Every start is solved on the coarse grid. One flight of each local optimum is refined on the full grid, unless it is
+much slower than the fastest. Windings are tried in increasing order. A winding is skipped when its rotation alone takes
+longer than the fastest flight found so far,
 
-    2 pi |winding| / rate_max > T,
+    2 pi |winding| / rate_max > T.
 
-as no flight of it can win: a proof, and free. For `hoop` it spares |winding| = 3. Most others are
-hopeless by the costates of a flight already found, see `optimal.direct.windings`: of random goals' seven
-windings two or three remain.
+This test is a proof; for `hoop` it skips |winding| = 3. Most other windings are pruned by the costates of a flight
+already found (`optimal.direct.windings`). Of the seven windings of a random goal, two or three remain.
 """
 
 from __future__ import annotations
@@ -26,24 +25,24 @@ from optimal.direct.shooting import WINDINGS, ShootingSolution, solve_coarse, so
 from optimal.direct.windings import SLACK, pruned_windings
 
 STARTS = 3
-"""Starts for each winding: one may fail or end in a slower optimum, and agreement can only be seen among several."""
+"""Starts for each winding: one start may fail or end in a slower optimum, and only several can show agreement."""
 AGREEMENT = 1e-4
-"""Two flight times closer than this, relatively, are the same optimum."""
-SAME = 1e-5
-"""Two flights of one winding whose times on the coarse grid are closer than this, relatively, are one flight."""
-MARGIN = 0.1
-"""How much slower than the fastest a flight on the coarse grid may be, relatively, to go on to the full one:
-up to one turn, on the named scenarios, the full grid shortens a flight by less than 2 %."""
+"""Relative difference of two flight times below which they are the same optimum."""
+COARSE_AGREEMENT = 1e-5
+"""The same for two flights of one winding on the coarse grid."""
+REFINED_MARGIN = 0.1
+"""Flights on the coarse grid that are slower than the fastest by more than this, relatively, are not refined. On the
+named scenarios with up to one turn the full grid shortens a flight by less than 2 %."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """What a search found.
+    """The result of a search.
 
     Attributes:
-        shots: the flights that converged on the full grid, the fastest first.
+        shots: flights that converged on the full grid, the fastest first.
         starts: starts tried, over all windings.
-        agreed: how many of them ended within AGREEMENT of the fastest.
+        agreed: number of starts that ended within AGREEMENT of the fastest.
         iterations: of the solver, over all starts and grids.
     """
 
@@ -64,40 +63,41 @@ def search(
     """Return the flights found from all windings and starts.
 
     Args:
-        scenario: what to fly.
+        scenario: the task.
         windings: whole turns to try.
-        starts: starts for each winding, the first plain and the others drawn.
-        seed: seed of the drawn starts.
+        starts: starts for each winding, the first from the default guess and the others from random guesses.
+        seed: seed of the random guesses.
         nodes: steps of the whole flight.
 
     Raises:
         ValueError: when there is no winding or no start.
     """
     tried = coarse_multistart(scenario, windings, starts=starts, seed=seed, nodes=nodes)
-    flown: list[tuple[ShootingSolution, int]] = []
+    refined: list[tuple[ShootingSolution, int]] = []
     iterations, fastest = sum(shot.iterations for shot in tried), math.inf
-    for kind in distinct_optima(tried):
-        point = shot = _refined(scenario, kind, nodes)
-        # Rims only cost time: a point slower than a body that keeps clear of them need not be cleared.
+    for alike in distinct_optima(tried):
+        point = shot = _refined(scenario, alike, nodes)
+        # Rims only cost time: a point that is slower than a body clear of the rims needs no solve with rims.
         if point.converged and point.trajectory.duration < fastest * (1 + AGREEMENT):
             shot = keep_clear(scenario, point, nodes=nodes)
             fastest = min(fastest, shot.trajectory.duration if shot.converged else math.inf)
-        iterations += shot.iterations - kind[0].iterations
+        iterations += shot.iterations - alike[0].iterations
         if shot.converged:
-            flown.append((shot, len(kind)))
-    flown.sort(key=lambda pair: pair[0].trajectory.duration)
-    agreed = sum(count for shot, count in flown if shot.trajectory.duration <= fastest * (1 + AGREEMENT))
-    return Search(tuple(shot for shot, _ in flown), len(tried), agreed, iterations)
+            refined.append((shot, len(alike)))
+    refined.sort(key=lambda pair: pair[0].trajectory.duration)
+    agreed = sum(count for shot, count in refined if shot.trajectory.duration <= fastest * (1 + AGREEMENT))
+    return Search(tuple(shot for shot, _ in refined), len(tried), agreed, iterations)
 
 
-def _refined(scenario: Scenario, kind: Sequence[ShootingSolution], nodes: int) -> ShootingSolution:
-    """Return the flight on the full grid to which the first of a kind leads that does not lose its way.
+def _refined(scenario: Scenario, alike: Sequence[ShootingSolution], nodes: int) -> ShootingSolution:
+    """Return the flight on the full grid of one local optimum, from the first coarse flight that leads there.
 
-    A flight on the coarse grid is one on the full grid too, so that what comes out slower is another local optimum.
+    A flight on the coarse grid is feasible on the full grid. A slower result is therefore another local optimum.
     """
-    fine = [solve_fine(scenario, kind[0], nodes=nodes)]
-    while len(fine) < len(kind) and fine[-1].trajectory.duration > kind[0].trajectory.duration * (1 + SAME):
-        fine.append(solve_fine(scenario, kind[len(fine)], nodes=nodes))
+    fine = [solve_fine(scenario, alike[0], nodes=nodes)]
+    slowest = alike[0].trajectory.duration * (1 + COARSE_AGREEMENT)
+    while len(fine) < len(alike) and fine[-1].trajectory.duration > slowest:
+        fine.append(solve_fine(scenario, alike[len(fine)], nodes=nodes))
     return min((shot for shot in fine if shot.converged), key=lambda shot: shot.trajectory.duration, default=fine[0])
 
 
@@ -110,11 +110,11 @@ def coarse_multistart(
     nodes: int = NODES,
     slack: float = SLACK,
 ) -> list[ShootingSolution]:
-    """Return the flights on the coarse grid, converged or not, of all windings and starts that could still win.
+    """Return the flights on the coarse grid, converged or not, of all windings that could still be the fastest.
 
     Args:
-        scenario, windings, starts, seed, nodes: as for `search`; what is drawn for a start depends on no other.
-        slack: how much slower than the fastest, relatively, still counts as winning.
+        scenario, windings, starts, seed, nodes: as for `search`; a random guess does not depend on the other starts.
+        slack: relative excess over the fastest time up to which a winding is still tried.
 
     Raises:
         ValueError: when there is no winding or no start.
@@ -126,30 +126,30 @@ def coarse_multistart(
     while left and 2 * math.pi * abs(left[0]) / scenario.quadrotor.rate_max <= fastest * (1 + slack):
         winding = left.pop(0)
         for i in range(starts):
-            draw = np.random.default_rng((seed, winding % 2**32, i)) if i else None
-            shot = solve_coarse(scenario, winding, nodes=nodes, generator=draw)
+            generator = np.random.default_rng((seed, winding % 2**32, i)) if i else None
+            shot = solve_coarse(scenario, winding, nodes=nodes, generator=generator)
             tried.append(shot)
             if shot.converged:
                 fastest = min(fastest, shot.trajectory.duration)
             if shot.converged and i == 0:
-                out = pruned_windings(scenario, shot, fastest * (1 + slack), {winding, *left})
-                left = [other for other in left if other not in out]
-                if winding in out:
+                pruned = pruned_windings(scenario, shot, fastest * (1 + slack), {winding, *left})
+                left = [other for other in left if other not in pruned]
+                if winding in pruned:
                     break
     return tried
 
 
 def distinct_optima(tried: Sequence[ShootingSolution]) -> list[list[ShootingSolution]]:
-    """Return the flights fast enough to go on, alike ones together, the fastest first."""
+    """Return the flights to be refined, grouped by local optimum, the fastest first."""
     found: list[list[ShootingSolution]] = []
     converged = sorted((shot for shot in tried if shot.converged), key=lambda shot: shot.trajectory.duration)
     for shot in converged:
-        if shot.trajectory.duration > converged[0].trajectory.duration * (1 + MARGIN):
+        if shot.trajectory.duration > converged[0].trajectory.duration * (1 + REFINED_MARGIN):
             break
-        for kind in found:
-            alike = shot.trajectory.duration <= kind[0].trajectory.duration * (1 + SAME)
-            if kind[0].winding == shot.winding and alike:
-                kind.append(shot)
+        for alike in found:
+            same_time = shot.trajectory.duration <= alike[0].trajectory.duration * (1 + COARSE_AGREEMENT)
+            if alike[0].winding == shot.winding and same_time:
+                alike.append(shot)
                 break
         else:
             found.append([shot])

@@ -1,4 +1,16 @@
-"""TODO optimal/direct/program.py."""
+"""The parametric program of direct multiple shooting with free step lengths, and its bounds for one scenario.
+
+A flight has one phase more than there are hoops. Phase i has N_i steps of equal, unknown length h_i, and hoop i is
+crossed at the node between two phases:
+
+    minimise  sum N_i h_i
+    such that X[k+1] = step(X[k], U[k], h_i),  X[0] at rest at the start,
+              X[N] at rest at the goal with theta = 2 pi winding,
+              (p - c) . d = 0, |(p - c) . across| <= gap, v . d >= 0   at each hoop (c, d),
+              thrust_min <= f <= thrust_max, |omega| <= rate_max, floor <= z <= ceiling.
+
+Scenarios of one `Shape` share a solver, because building it costs more than solving.
+"""
 
 from __future__ import annotations
 
@@ -11,24 +23,38 @@ import numpy as np
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
-from optimal.direct import transcription as tr
-from optimal.direct.stages import COLD, TOUCHING, WARM, Indices, Stages, solver, tightened
+from optimal.direct.constraints import (
+    SHARED_KINDS,
+    ConstraintKind,
+    Parameters,
+    Placed,
+    StageSymbols,
+    arrival_errors,
+    equations,
+    expressions,
+    limits,
+    parameter_values,
+    relative_to_hoop,
+)
+from optimal.direct.stage_solver import COLD, TOUCHING_SHARE, WARM, solver, tightened
+from optimal.direct.stages import Indices, Stages
+from optimal.direct.transcription import geometry, state_limits
 
 NODES = 100
 """Steps of a whole flight; with 400, T* falls by at most 3e-4 s on the named scenarios, 1.1e-5 s on the horizontals."""
-LEAST_NODES = 25
+MIN_STEPS = 25
 """Fewest steps of one phase."""
 COARSENING = 4
-"""How many steps of the full grid make one of the coarse grid."""
-LEAST_COARSE = 12
+"""Steps of the full grid for each step of the coarse grid."""
+MIN_COARSE_STEPS = 12
 """Fewest steps of one phase on the coarse grid."""
-LONGEST = 20.0
-"""Longest phase the solver considers [s]."""
+LONGEST_PHASE, SHORTEST_STEP = 20.0, 1e-5
+"""Longest phase and shortest step that the solver considers [s]."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What makes two scenarios share a solver.
+    """What scenarios must have in common to share a solver.
 
     Attributes:
         steps: steps of each phase.
@@ -44,24 +70,55 @@ class Shape:
 
 
 class Layout(NamedTuple):
-    """Where things stand in a program: its stages, `constraints`, rows of the gaps (N, 6) and of the constraints."""
+    """The order of unknowns and constraints in a program.
+
+    Attributes:
+        stages: places of the unknowns.
+        placed: the constraints besides the dynamics.
+        gaps: rows of the dynamics, shape (N, 6).
+        rows: rows of `placed`, in its order.
+        row_count: number of all rows.
+    """
 
     stages: Stages
-    further: list[tuple[int, str, int]]
+    placed: list[Placed]
     gaps: Indices
     rows: Indices
-    height: int
+    row_count: int
 
 
 def phase_steps(scenario: Scenario, nodes: int = NODES) -> tuple[int, ...]:
-    """Return the number of steps of each phase, shared out by the lengths of the legs."""
-    lengths = tr.legs(scenario)[1]
-    return tuple(max(LEAST_NODES, round(nodes * length / lengths.sum())) for length in lengths)
+    """Return the number of steps of each phase, in proportion to the lengths of the legs."""
+    lengths = geometry(scenario).lengths
+    return tuple(max(MIN_STEPS, round(nodes * length / lengths.sum())) for length in lengths)
 
 
 def coarse_steps(scenario: Scenario, nodes: int = NODES) -> tuple[int, ...]:
     """Return the number of steps of each phase on the coarse grid."""
-    return tuple(max(LEAST_COARSE, -(-count // COARSENING)) for count in phase_steps(scenario, nodes))
+    return tuple(max(MIN_COARSE_STEPS, -(-count // COARSENING)) for count in phase_steps(scenario, nodes))
+
+
+def _at_hoop(at: StageSymbols) -> Any:
+    return relative_to_hoop(at.state, at.parameters.hoops[:, at.hoop])
+
+
+def _hoop_limits(scenario: Scenario, hoop: int, _clearance: float) -> Array:
+    gap = scenario.hoops[hoop].half_gap(scenario.quadrotor.radius)
+    return np.array([[0.0, -gap, 0.0], [0.0, gap, np.inf]])
+
+
+def _at_goal(at: StageSymbols) -> Any:
+    return arrival_errors(at.state, at.parameters.target)
+
+
+def _goal_limits(_scenario: Scenario, _hoop: int, _clearance: float) -> Array:
+    return np.array([np.zeros(3), np.ones(3)])
+
+
+KINDS = SHARED_KINDS | {
+    "crossing": ConstraintKind((True, False, False), _at_hoop, _hoop_limits),
+    "arrival": ConstraintKind((False,) * 3, _at_goal, _goal_limits),
+}
 
 
 @lru_cache(maxsize=64)
@@ -72,56 +129,24 @@ def program(shape: Shape, warm: bool = False) -> Any:
         shape: what scenarios have in common.
         warm: whether it will be started near a solution.
 
-    Unknowns are placed as `Stages` says; parameters: gravity, hoops (4, P-1), target (6,), rims (4, P-1).
+    Unknowns are placed by `Stages`, parameters by `Parameters`.
     """
-    stages, hoop_count = layout(shape).stages, len(shape.steps) - 1
-    x, gravity, target = ca.SX.sym("x", stages.size), ca.SX.sym("g"), ca.SX.sym("target", 6)
-    hoops, rims = ca.SX.sym("hoops", 4, hoop_count), ca.SX.sym("rims", 4, hoop_count)
-
-    def expression(k: int, kind: str, i: int) -> Any:
-        state = x[stages.states[k].tolist()]
-        if kind == "rise":
-            return state[1] + state[3] * x[int(stages.departures[k])] / 3
-        if kind == "fall":
-            return state[1] - state[3] * x[int(stages.arrivals[k - 1])] / 3
-        if kind == "crossing":
-            return tr.crossing(state, hoops[:, i])
-        if kind == "rims":
-            return tr.rim_distances(x[stages.arcs[k].tolist()], gravity, rims[:, i])
-        return tr.arrival(state, target)
-
-    problem = {
-        "x": x,
-        "p": ca.vertcat(gravity, ca.vec(hoops), target, ca.vec(rims)),
-        "f": ca.dot(ca.DM(shape.steps), x[stages.lengths.tolist()]),
-    }
-    further = [(k, expression(k, kind, i), EQUATIONS[kind]) for k, kind, i in layout(shape).further]
-    return solver(stages, problem, further, WARM if warm else COLD)
-
-
-EQUATIONS: dict[str, list[bool]] = {
-    "rise": [False],
-    "fall": [False],
-    "crossing": [True, False, False],
-    "rims": [False] * 2 * tr.RIM_POINTS,
-    "arrival": [False] * 3,
-}
-"""The kinds of constraints besides the steps, and which of their rows are equations."""
+    stages, placed = layout(shape)[:2]
+    x, parameters = ca.SX.sym("x", stages.size), Parameters.symbols(len(shape.steps) - 1)
+    problem = {"x": x, "p": parameters.column(), "f": ca.dot(ca.DM(shape.steps), x[stages.lengths.tolist()])}
+    return solver(stages, problem, expressions(KINDS, placed, x, stages, parameters), WARM if warm else COLD)
 
 
 @lru_cache(maxsize=64)
 def layout(shape: Shape) -> Layout:
-    """Return where the unknowns and constraints of a shape stand."""
-    stages, further = Stages(shape.steps), constraints(shape)
-    gaps, rows, equations = stages.rows([(k, EQUATIONS[kind]) for k, kind, _ in further])
-    return Layout(stages, further, gaps, rows, len(equations))
+    """Return the order of unknowns and constraints of a shape."""
+    stages, placed = Stages(shape.steps), constraints(shape)
+    gaps, rows, marks = stages.rows(equations(KINDS, placed))
+    return Layout(stages, placed, gaps, rows, len(marks))
 
 
-def constraints(shape: Shape) -> list[tuple[int, str, int]]:
-    """Return the constraints besides the steps, ordered by stage, as (stage, kind, hoop).
-
-    "rise" and "fall" are the inner control points of each arc's cubic, see `transcription.heights`.
-    """
+def constraints(shape: Shape) -> list[Placed]:
+    """Return the constraints besides the dynamics, ordered by stage, as (stage, kind, hoop)."""
     stages = Stages(shape.steps)
     found = [(int(k), "crossing", i) for i, k in enumerate(stages.firsts[1:])]
     if shape.limited:
@@ -139,46 +164,25 @@ def bounds(scenario: Scenario, shape: Shape, winding: int, clearance: float = 0.
     """Return the bounds and parameters of `program` for one scenario and winding.
 
     Args:
-        scenario: what to fly.
+        scenario: the task.
         shape: of the program.
         winding: whole turns of the tilt.
-        clearance: how far beyond its radius the body keeps from the rims [m].
+        clearance: distance that the body keeps from the rims beyond its radius [m].
     """
-    stages, further, _, rows, count = layout(shape)
+    stages, placed, _, rows, row_count = layout(shape)
     q = scenario.quadrotor
-    low, high = tr.state_limits(scenario, stages.count + 1)
+    low, high = state_limits(scenario, stages.count + 1)
     if not shape.tolerant:
         low[:, -1] = high[:, -1] = scenario.goal_state + 2 * np.pi * winding * np.eye(5)[4]
-    limits = np.zeros((2, count))
-    if further:
-        kept = [constraint_limits(scenario, kind, i, clearance) for _, kind, i in further]
-        least, most = np.concatenate(kept, axis=1)
-        limits[:, rows] = tightened(least, most, TOUCHING)
-    low, high = tightened(low, high, TOUCHING)
-    weakest, strongest = tightened(q.control_low, q.control_high)
+    low, high = tightened(low, high, TOUCHING_SHARE)
+    row_limits = np.zeros((2, row_count))
+    least, greatest = limits(KINDS, placed, scenario, clearance)
+    row_limits[:, rows] = tightened(least, greatest, TOUCHING_SHARE)
+    control_low, control_high = tightened(q.control_low, q.control_high)
     return {
-        "lbx": stages.pack(np.full(len(shape.steps), 1e-5), low.T, weakest),
-        "ubx": stages.pack(LONGEST / np.array(shape.steps), high.T, strongest),
-        "lbg": limits[0],
-        "ubg": limits[1],
-        "p": np.concatenate(
-            [
-                [q.gravity],
-                tr.hoop_parameters(scenario).T.ravel(),
-                tr.arrival_target(scenario, winding),
-                tr.rim_parameters(scenario).T.ravel(),
-            ]
-        ),
+        "lbx": stages.pack(np.full(len(shape.steps), SHORTEST_STEP), low.T, control_low),
+        "ubx": stages.pack(LONGEST_PHASE / np.array(shape.steps), high.T, control_high),
+        "lbg": row_limits[0],
+        "ubg": row_limits[1],
+        "p": parameter_values(scenario, winding),
     }
-
-
-def constraint_limits(scenario: Scenario, kind: str, hoop: int, clearance: float) -> Array:
-    """Return least and greatest values of one of the `constraints`, shape (2, rows)."""
-    if kind in ("rise", "fall"):
-        return np.array(scenario.heights)[:, None]
-    if kind == "crossing":
-        return np.array(tr.crossing_limits(scenario))[:, 3 * hoop : 3 * hoop + 3]
-    if kind == "rims":
-        rows = len(EQUATIONS[kind])
-        return np.array([np.full(rows, (scenario.quadrotor.radius + clearance) ** 2), np.full(rows, np.inf)])
-    return np.array([np.zeros(3), np.ones(3)])

@@ -1,20 +1,11 @@
-"""Free end time direct multiple shooting: the optimum T*, winding by winding.
+"""One solve of direct multiple shooting: a flight of one winding from one initial guess.
 
-A flight is a sequence of phases, one more than there are hoops; phase i has N_i steps of equal,
-unknown length h_i, so that hoop i is crossed at a node:
+The program (`optimal.direct.program`) is solved on two grids. A step of the solver on the coarse grid, with a quarter
+of the steps, costs a quarter. Its flight, divided into four times as many steps, is a feasible and nearly optimal start
+on the full grid.
 
-    minimise  sum N_i h_i
-    such that X[k+1] = step(X[k], U[k], h_i),  X[0] at rest at the start,
-              X[N] at rest at the goal with theta = 2 pi winding,
-              (p - c) . d = 0, |(p - c) . across| <= gap, v . d >= 0   at each hoop (c, d),
-              thrust_min <= f <= thrust_max, |omega| <= rate_max, floor <= z <= ceiling.
-
-Most of the way is gone on a grid of a quarter of the steps, where a step of the solver costs a
-quarter; its flight, flown in four times as many steps, is a feasible and nearly optimal start on
-the full grid.
-
-The problem has local optima, one family for each number of turns, so `solve_winding` solves one winding
-from one start and the front door tries them all.
+The problem has local optima, one family for each number of whole turns of the tilt. `optimal.direct.multistart` tries
+them all.
 """
 
 from __future__ import annotations
@@ -25,24 +16,24 @@ import numpy as np
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
-from optimal.direct import transcription as tr
 from optimal.direct.guesses import first_guess, upsampled_guess
 from optimal.direct.program import NODES, Shape, bounds, coarse_steps, layout, phase_steps, program
+from optimal.direct.transcription import has_height_limits
 from optimal.flights.trajectory import Trajectory
 
 WINDINGS = (0, 1, -1, 2, -2, 3, -3)
-"""Whole turns of the tilt to try, the fewest first."""
+"""Windings to try, whole turns of the tilt, the smallest first."""
 
 
 @dataclass(frozen=True)
 class ShootingSolution:
-    """What one solve from one start gave.
+    """The result of one solve from one initial guess.
 
     Attributes:
         converged: whether the solver reached its tolerances.
-        message: the solver's own word for how it ended.
-        winding: whole turns made.
-        trajectory: the flight at the last iterate (not to be trusted unless converged).
+        message: the solver's own status.
+        winding: whole turns of the tilt.
+        trajectory: the flight at the last iterate; valid only if converged.
         costates: multipliers of the step equations, shape (N, 5).
         iterations: of the solver, on both grids.
         steps: of each phase.
@@ -60,7 +51,7 @@ class ShootingSolution:
 def solve_from(
     scenario: Scenario, shape: Shape, winding: int, guess: Array, *, warm: bool = False, clearance: float = 0.0
 ) -> ShootingSolution:
-    """Run the solver once, from a given start; see `program` and `bounds` for the arguments."""
+    """Run the solver once from a given guess; see `program` and `bounds` for the arguments."""
     run, (stages, _, gaps, _, _) = program(shape, warm), layout(shape)
     result = run(x0=guess, **bounds(scenario, shape, winding, clearance))
     stats, values = run.stats(), np.array(result["x"]).ravel()
@@ -90,22 +81,23 @@ def solve_coarse(
     tolerant: bool = False,
     generator: np.random.Generator | None = None,
 ) -> ShootingSolution:
-    """Solve one winding of a scenario from one start on the coarse grid; see `solve_winding` for the arguments."""
+    """Solve one winding of a scenario from one guess on the coarse grid; see `solve_winding` for the arguments."""
     steps = coarse_steps(scenario, nodes)
     guess = first_guess(scenario, steps, winding, generator)
-    return solve_from(scenario, Shape(steps, tr.limited(scenario), tolerant), winding, guess)
+    return solve_from(scenario, Shape(steps, has_height_limits(scenario), tolerant), winding, guess)
 
 
 def solve_fine(
-    scenario: Scenario, rough: ShootingSolution, *, nodes: int = NODES, tolerant: bool = False
+    scenario: Scenario, coarse: ShootingSolution, *, nodes: int = NODES, tolerant: bool = False
 ) -> ShootingSolution:
-    """Solve on the full grid from the flight that `solve_coarse` found; what did not converge is returned as it is."""
-    if not rough.converged:
-        return rough
+    """Solve on the full grid from a result of `solve_coarse`; a result that did not converge is returned unchanged."""
+    if not coarse.converged:
+        return coarse
     steps = phase_steps(scenario, nodes)
-    guess = upsampled_guess(rough.trajectory, coarse_steps(scenario, nodes), steps)
-    fine = solve_from(scenario, Shape(steps, tr.limited(scenario), tolerant), rough.winding, guess, warm=True)
-    return replace(fine, iterations=rough.iterations + fine.iterations)
+    guess = upsampled_guess(coarse.trajectory, coarse_steps(scenario, nodes), steps)
+    shape = Shape(steps, has_height_limits(scenario), tolerant)
+    fine = solve_from(scenario, shape, coarse.winding, guess, warm=True)
+    return replace(fine, iterations=coarse.iterations + fine.iterations)
 
 
 def solve_winding(
@@ -116,14 +108,14 @@ def solve_winding(
     tolerant: bool = False,
     generator: np.random.Generator | None = None,
 ) -> ShootingSolution:
-    """Solve one winding of a scenario from one start.
+    """Solve one winding of a scenario from one guess, on the coarse grid and then on the full grid.
 
     Args:
-        scenario: what to fly.
+        scenario: the task.
         winding: whole turns of the tilt between start and goal, positive towards +x.
-        nodes: steps of the whole flight, shared out over the phases.
+        nodes: steps of the whole flight, distributed over the phases.
         tolerant: end anywhere within the scenario's tolerance instead of exactly at rest.
-        generator: draws a random start; None takes the plain one.
+        generator: samples a random guess; None takes the default guess.
     """
-    rough = solve_coarse(scenario, winding, nodes=nodes, tolerant=tolerant, generator=generator)
-    return solve_fine(scenario, rough, nodes=nodes, tolerant=tolerant)
+    coarse = solve_coarse(scenario, winding, nodes=nodes, tolerant=tolerant, generator=generator)
+    return solve_fine(scenario, coarse, nodes=nodes, tolerant=tolerant)

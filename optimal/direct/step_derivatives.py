@@ -1,4 +1,11 @@
-"""TODO optimal/direct/step_derivatives.py."""
+"""First and second derivatives of the exact step with respect to state, step length and control.
+
+Spherical Bessel functions differentiate into one another,
+
+    j0' = -j1,   j1' = (j0 - 2 j2)/3,   j2' = (2 j1 - 3 j3)/5.
+
+No power series needs to be differentiated, which makes the derivatives cheap.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +16,7 @@ from typing import Any
 import casadi as ca
 
 TERMS = 6
-"""Terms of the power series: exact to rounding for steps that turn by 1 rad, to 1e-9 for 2 rad."""
+"""Terms of the power series: exact to rounding for steps that turn 1 rad, to 1e-9 for 2 rad."""
 
 
 def _series(a: Any) -> Any:
@@ -27,9 +34,8 @@ def _series(a: Any) -> Any:
 def step_functions() -> tuple[Any, Any, Any]:
     """Return the exact step and its derivatives as CasADi functions of [state, h, thrust, rate] (8,) and gravity.
 
-    The first returns the state after the step (5,), the second that and its Jacobian (5, 8); the third
-    takes multipliers (5,) too and returns first and second derivative of their product with the step,
-    (8,) and (8, 8).
+    The first returns the state after the step (5,). The second returns that state and its Jacobian (5, 8). The third
+    also takes multipliers (5,), and returns gradient (8,) and Hessian (8, 8) of their product with the step.
     """
     arc, gravity, costate = ca.SX.sym("arc", 8), ca.SX.sym("g"), ca.SX.sym("l", 5)
     x, z, vx, vz, theta, h, thrust, rate = ca.vertsplit(arc)
@@ -43,7 +49,7 @@ def step_functions() -> tuple[Any, Any, Any]:
         vz + dv * j0 * cos - gravity * h,
         theta + rate * h,
     )
-    # Nobody asks for j3': two derivatives of j0 and j1 reach j3 itself.
+    # j3' is not needed: two derivatives of j0 and j1 reach j3 itself.
     slopes = ca.vertcat(-j1, (j0 - 2 * j2) / 3, (2 * j1 - 3 * j3) / 5, 0)
 
     def derivative(expression: Any) -> Any:
@@ -61,10 +67,11 @@ def step_functions() -> tuple[Any, Any, Any]:
 
 
 def _curvature(arc: Any, gravity: Any, costate: Any, bessel: Any) -> tuple[Any, Any]:
-    """Return gradient (8,) and Hessian (8, 8) of L = costate . step by hand, a third of what differentiation gives.
+    """Return gradient (8,) and Hessian (8, 8) of L = costate . step.
 
-    L is linear but for thrust Phi, Phi = j0(a) u + j1(a) w, a = rate h/2, m = theta + a, and its derivatives in
-    m, a and h are sums of a few products; u and w turn into their own derivatives with m.
+    The formulas are written by hand; automatic differentiation gives three times as many operations. L is linear
+    except for thrust Phi, Phi = j0(a) u + j1(a) w, with a = rate h/2 and m = theta + a. The derivatives of Phi in m, a
+    and h are sums of a few products, because the derivatives of u and w in m are rotations of them.
     """
     _, _, vx, vz, theta, h, thrust, rate = ca.vertsplit(arc)
     lx, lz, lvx, lvz, ltheta = ca.vertsplit(costate)
@@ -80,7 +87,7 @@ def _curvature(arc: Any, gravity: Any, costate: Any, bessel: Any) -> tuple[Any, 
     phi_am, phi_aa = d0 * u_m + d1 * w_m, dd0 * u + dd1 * w
     phi_h, phi_mh, phi_ah = j0 * u_h + j1 * w_h, j0 * u_mh + j1 * w_mh, d0 * u_h + d1 * w_h
     phi_hh = j0 * u_hh + j1 * v
-    # Rate and h move m and a alike: first and second derivative in that direction.
+    # Rate and h change m and a equally: first and second derivative in that direction.
     along, along_h, bent, across = phi_m + phi_a, phi_mh + phi_ah, phi_aa + 2 * phi_am - phi, phi_am - phi
     k, n = rate / 2, h / 2
     gradient = ca.vertcat(

@@ -1,19 +1,19 @@
-"""Which numbers of turns can no longer win, judged by the costates of a flight already found.
+"""Pruning of windings that cannot be the fastest, by the costates of a flight already found.
 
-For any q(t) = q0 + q1 t a flight of duration T over the displacement D, from rest to rest, has
+For any q(t) = q0 + q1 t, a flight of duration T over the displacement D, from rest to rest, has
 
     integral of q . a dt = -q1 . D,   a = f e(theta) - g e_z,
 
-so no flight with `winding` turns takes T if the greatest value that integral can have, over all tilts
-from 0 to 2 pi winding with |theta'| <= rate_max, is less. The tilt is all that is left of the state,
-so a dynamic programme on a grid of angles finds that value, for all windings at once: forwards,
+A winding has no flight of duration T if the maximum of that integral, over all tilts from 0 to 2 pi winding with
+|theta'| <= rate_max, is smaller. The tilt is the only remaining state. A dynamic programme on a grid of angles finds
+the maximum for all windings at once, forwards in time:
 
     V(t + dt, theta) = r(t + dt, theta) dt/2 + max over |theta' - theta| <= rate_max dt of V(t, theta') + r dt/2,
 
 with r the greatest q . a at that tilt.
 
-This is an estimate and no proof, as the sums stand for integrals: it steers a search, which is none either. The
-grid lets the tilt turn a little too fast, which errs on the side of trying a winding in vain.
+The result guides the search and proves nothing, because sums replace the integrals. The grid lets the tilt turn a
+little too fast. That error keeps a winding in.
 """
 
 from __future__ import annotations
@@ -31,42 +31,42 @@ STEPS = 40
 ANGLES = 256
 """Angles of one turn."""
 SLACK = 3e-3
-"""How much more time than the fastest flight a winding is granted before it is left out, relatively."""
+"""Relative excess over the fastest time up to which a winding is still tried."""
 
 
 def pruned_windings(scenario: Scenario, shot: ShootingSolution, duration: float, windings: Iterable[int]) -> set[int]:
-    """Return which windings seem to allow no flight as fast as `duration`.
+    """Return the windings for which a flight as fast as `duration` seems impossible.
 
     Args:
-        scenario: what to fly; heights are left out, which can only keep a winding in.
+        scenario: the task; its floor and ceiling are ignored, which can only keep a winding in.
         shot: a flight of it, whose costates weigh the acceleration.
-        duration: the time to beat [s].
+        duration: the flight time [s].
         windings: whole turns in question.
     """
     windings = set(windings)
-    if scenario.hoops or not windings:  # each hoop bends q, and its passing time is not known
+    if scenario.hoops or not windings:  # each hoop bends q at a passing time that is not known
         return set()
-    start, slope = line(shot, duration)
+    start, slope = costate_line(shot, duration)
     needed = -float(slope @ (np.array(scenario.goal) - scenario.start))
-    values = greatest(scenario, start, slope, duration, max(map(abs, windings)))
+    values = greatest_integrals(scenario, start, slope, duration, max(map(abs, windings)))
     return {winding for winding in windings if values[len(values) // 2 + winding * ANGLES] < needed}
 
 
-def line(shot: ShootingSolution, time: float) -> tuple[Array, Array]:
-    """Return q at the start and its slope from a flight's costates, stretched to `time`, each shape (2,)."""
+def costate_line(shot: ShootingSolution, time: float) -> tuple[Array, Array]:
+    """Return q at the start and its slope, from a flight's costates scaled to the duration `time`, each shape (2,)."""
     slope = -shot.costates[0, 0:2]
     start = shot.costates[0, 2:4] - slope * shot.trajectory.breakpoints[1]
     return start, slope * shot.trajectory.duration / time
 
 
-def greatest(scenario: Scenario, start: Array, slope: Array, time: float, turns: int) -> Array:
+def greatest_integrals(scenario: Scenario, start: Array, slope: Array, time: float, turns: int) -> Array:
     """Return the greatest integral of q . a over tilts from 0 to each angle of the grid.
 
     Args:
-        scenario: its vehicle's limits count.
+        scenario: the limits of its vehicle are used.
         start, slope: of q, each shape (2,).
         time: duration [s].
-        turns: most turns, either way.
+        turns: largest number of whole turns, in both directions.
 
     Returns:
         Values at the angles from -(turns + 1) to turns + 1 turns, shape (2 (turns + 1) ANGLES + 1,).
@@ -79,17 +79,17 @@ def greatest(scenario: Scenario, start: Array, slope: Array, time: float, turns:
     reward = np.tile(reward * dt, 2 * (turns + 1))
     reward = np.concatenate([reward, reward[:, :1]], axis=1)
     reach = int(np.ceil(quadrotor.rate_max * dt * ANGLES / (2 * np.pi)))
-    values = np.full(reward.shape[1] + 2 * reach, -np.inf)  # with as many angles beyond either end as one step reaches
+    values = np.full(reward.shape[1] + 2 * reach, -np.inf)  # padded at both ends by the angles that one step reaches
     inner = slice(reach, reach + reward.shape[1])
     values[reach + (turns + 1) * ANGLES] = 0.0
     for i in range(STEPS):
         values[inner] += reward[i] / 2
-        values[inner] = widest(values, reach) + reward[i + 1] / 2
+        values[inner] = sliding_maximum(values, reach) + reward[i + 1] / 2
     return values[inner]
 
 
-def widest(values: Array, reach: int) -> Array:
-    """Return the greatest of each 2 reach + 1 neighbouring values, shape (n - 2 reach,), by doubling."""
+def sliding_maximum(values: Array, reach: int) -> Array:
+    """Return the maximum of each 2 reach + 1 neighbouring values, shape (n - 2 reach,), by doubling the window."""
     width = 1
     while width < 2 * reach + 1:
         shift = min(width, 2 * reach + 1 - width)

@@ -1,1 +1,1 @@
-"""Fewest environment steps, K*: controls held for dt, tolerance at the goal."""
+"""Fewest environment steps K*: controls held for dt, tolerance at the goal."""

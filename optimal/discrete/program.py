@@ -1,17 +1,17 @@
-"""The program of K environment steps: how small could the tolerance at the goal be made?
+"""The program of K environment steps: the smallest scale of the tolerance at the goal that K steps can reach.
 
-For a fixed number of steps K everything is as the environment has it - constant control over dt,
-a round tolerance at the goal, hoops crossed anywhere inside a step:
+For a fixed number of steps K the program has what the environment has: constant control over dt, a round tolerance at
+the goal, and hoops crossed anywhere inside a step:
 
     minimise  m
     such that |p - goal|^2 <= m position^2,  |v|^2 <= m speed^2,  (theta - 2 pi w)^2 <= m angle^2,
               X[k+1] = step(X[k], U[k], dt),  limits and heights,
               hoop i crossed inside step j_i, within its gap, in its direction.
 
-K steps are enough when m <= 1. Where step j crosses the line of a hoop, and how far aside, follows
-from its own unknowns by one step of Newton's method from the chord, exact to a micrometre. So every
-constraint belongs to one stage and `optimal.direct.stages` serves here as it does for free step lengths; m
-stands at the last stage.
+K steps are enough when m <= 1. One step of Newton's method from the chord gives the instant and the offset at which
+step j crosses the line of a hoop, exact to a micrometre. It depends on the unknowns of that step only. Every
+constraint therefore belongs to one stage, and `optimal.direct.stage_solver` solves this program too. m belongs to the
+last stage.
 """
 
 from __future__ import annotations
@@ -25,8 +25,22 @@ import numpy as np
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
-from optimal.direct import transcription as tr
-from optimal.direct.stages import WARM, Stages, solver, tightened
+from optimal.direct.constraints import (
+    SHARED_KINDS,
+    ConstraintKind,
+    Parameters,
+    Placed,
+    StageSymbols,
+    arrival_errors,
+    equations,
+    expressions,
+    limits,
+    parameter_values,
+    relative_to_hoop,
+)
+from optimal.direct.stage_solver import WARM, solver, tightened
+from optimal.direct.stages import Stages
+from optimal.direct.transcription import resampled, state_limits, step_function
 from optimal.flights.trajectory import Flight
 
 OPTIONS = WARM | {
@@ -36,20 +50,29 @@ OPTIONS = WARM | {
     "fatrop.bound_frac": 1e-3,
     "fatrop.max_iter": 64,
 }
-"""Settings of the solver: it starts from a flight that takes about as long but stops exactly at the goal. What leads to
-a flight converges within 60 iterations. Later, on what has no solution, Fatrop's restoration has been seen never to
-return; the fewer iterations, the rarer."""
+"""Settings of the solver. It starts from a flight of about the same duration that stops exactly at the goal. What
+converges does so within 60 iterations. On infeasible programs Fatrop's restoration has been seen never to return; a
+low limit of iterations makes that rare."""
 HOOP_MARGIN = 1e-5
-"""How far inside a gap a planned crossing stays [m]: float32 actions move the path by less."""
+"""Distance of a planned crossing from the ends of the gap [m]: float32 actions move the path by less."""
 RIM_MARGINS = (1e-3, 5e-3)
-"""How far beyond its radius the body keeps from the rims at the points looked at [m], one tried after the other:
-between points 5 cm apart a body of radius 0.1 m can dip in by 3 mm, but most flights keep off further by themselves."""
-LARGEST = 1e6
+"""Distances beyond its radius that the body keeps from the rims at the constrained points [m], tried in this order:
+between points 5 cm apart a body of radius 0.1 m can dip in by 3 mm, but most flights keep a larger distance anyway."""
+RIM_REACH = 8
+"""Steps before and after a crossing in which the distance to the rims is constrained."""
+LARGEST_SCALE = 1e6
 """Largest m considered."""
 
 
 class StepShape(NamedTuple):
-    """What shares a program: steps, whether heights are limited, crossing steps, whether rims count."""
+    """What tasks must have in common to share a solver.
+
+    Attributes:
+        steps: K.
+        limited: whether there is a floor or a ceiling.
+        crossings: the step in which each hoop is crossed.
+        rims: whether the body must keep clear of the hoops' rims.
+    """
 
     steps: int
     limited: bool
@@ -58,15 +81,52 @@ class StepShape(NamedTuple):
 
 
 class StepFlight(NamedTuple):
-    """What a solve gave: m (inf where it failed), controls (K, 2), and where in their steps hoops are crossed (H,)."""
+    """The result of one solve.
+
+    Attributes:
+        m: scale of the squared tolerances; inf where the solve failed.
+        controls: thrust and rate of each step, shape (K, 2).
+        shares: instant of each hoop's crossing as a share of its step, shape (H,).
+    """
 
     m: float
     controls: Array
     shares: Array
 
 
-def constraints(shape: StepShape) -> Iterator[tuple[int, str, int]]:
-    """Yield the constraints besides the steps, ordered by stage, as (stage, kind, hoop)."""
+def _inside_step(at: StageSymbols) -> Any:
+    """Return the distance along a hoop before and after the step, and offset and speed along at the crossing, (4,)."""
+    arc, gravity, hoop = at.arc, at.parameters.gravity, at.parameters.hoops[:, at.hoop]
+    before = relative_to_hoop(arc[:5], hoop)
+    after = relative_to_hoop(step_function()(arc[:5], arc[6:], arc[5], gravity), hoop)
+    chord = -arc[5] * before[0] / (after[0] - before[0])
+    near = relative_to_hoop(step_function()(arc[:5], arc[6:], chord, gravity), hoop)
+    time = chord - near[0] / near[2]
+    there = relative_to_hoop(step_function()(arc[:5], arc[6:], time, gravity), hoop)
+    return ca.vertcat(before[0], after[0], there[1:])
+
+
+def _hoop_limits(target: Scenario, hoop: int, _clearance: float) -> Array:
+    gap = target.hoops[hoop].half_gap(target.quadrotor.radius) - HOOP_MARGIN
+    return np.array([[-np.inf, 0.0, -gap, 0.0], [0.0, np.inf, gap, np.inf]])
+
+
+def _at_goal(at: StageSymbols) -> Any:
+    return arrival_errors(at.state, at.parameters.target) - at.x[at.stages.size]
+
+
+def _goal_limits(_target: Scenario, _hoop: int, _clearance: float) -> Array:
+    return np.array([np.full(3, -np.inf), np.zeros(3)])
+
+
+KINDS = SHARED_KINDS | {
+    "crossing": ConstraintKind((False,) * 4, _inside_step, _hoop_limits),
+    "arrival": ConstraintKind((False,) * 3, _at_goal, _goal_limits),
+}
+
+
+def constraints(shape: StepShape) -> Iterator[Placed]:
+    """Yield the constraints besides the dynamics, ordered by stage, as (stage, kind, hoop)."""
     for k in range(shape.steps + 1):
         if shape.limited and k < shape.steps:
             yield k, "rise", 0
@@ -80,91 +140,49 @@ def constraints(shape: StepShape) -> Iterator[tuple[int, str, int]]:
     yield shape.steps, "arrival", 0
 
 
-RIM_REACH = 8
-"""Steps before and after the crossing in which the body is kept clear of the rims."""
-ROWS = {"rise": 1, "fall": 1, "crossing": 4, "rims": 2 * tr.RIM_POINTS, "arrival": 3}
-"""The kinds of constraints, all of them inequalities, and their numbers of rows."""
-
-
 @lru_cache(maxsize=24)  # of 5 to 8 MB each; joblib replaces workers that have grown by 300 MB, which takes seconds
 def program(shape: StepShape) -> Any:
-    """Return the parametric solver of one shape.
-
-    Unknowns are placed as `Stages` says, m behind them; parameters: gravity, hoops (4, H), target (6,), rims (4, H).
-    """
-    stages, hoop_count = Stages((shape.steps,)), len(shape.crossings)
-    x, gravity, target = ca.SX.sym("x", stages.size + 1), ca.SX.sym("g"), ca.SX.sym("target", 6)
-    hoops, rims = ca.SX.sym("hoops", 4, hoop_count), ca.SX.sym("rims", 4, hoop_count)
-
-    def expression(k: int, kind: str, i: int) -> Any:
-        state = x[stages.states[k].tolist()]
-        if kind == "rise":
-            return state[1] + state[3] * x[int(stages.departures[k])] / 3
-        if kind == "fall":
-            return state[1] - state[3] * x[int(stages.arrivals[k - 1])] / 3
-        if kind == "arrival":
-            return tr.arrival(state, target) - x[stages.size]
-        arc = x[stages.arcs[k].tolist()]
-        return inside(arc, gravity, hoops[:, i]) if kind == "crossing" else tr.rim_distances(arc, gravity, rims[:, i])
-
-    further = [(k, expression(k, kind, i), [False] * ROWS[kind]) for k, kind, i in constraints(shape)]
-    parameters = ca.vertcat(gravity, ca.vec(hoops), target, ca.vec(rims))
-    return solver(stages, {"x": x, "p": parameters, "f": x[stages.size]}, further, OPTIONS)
-
-
-def inside(arc: Any, gravity: Any, hoop: Any) -> Any:
-    """Return an arc's place along a hoop before and after, and aside and speed along when crossing, for an arc (8,)."""
-    before = tr.crossing(arc[:5], hoop)
-    after = tr.crossing(tr.step_function()(arc[:5], arc[6:], arc[5], gravity), hoop)
-    chord = -arc[5] * before[0] / (after[0] - before[0])
-    near = tr.crossing(tr.step_function()(arc[:5], arc[6:], chord, gravity), hoop)
-    time = chord - near[0] / near[2]
-    there = tr.crossing(tr.step_function()(arc[:5], arc[6:], time, gravity), hoop)
-    return ca.vertcat(before[0], after[0], there[1:])
+    """Return the parametric solver of one shape: unknowns as `Stages` places them, then m; `Parameters`."""
+    stages, placed = Stages((shape.steps,)), list(constraints(shape))
+    x, parameters = ca.SX.sym("x", stages.size + 1), Parameters.symbols(len(shape.crossings))
+    problem = {"x": x, "p": parameters.column(), "f": x[stages.size]}
+    return solver(stages, problem, expressions(KINDS, placed, x, stages, parameters), OPTIONS)
 
 
 def bounds(target: Scenario, shape: StepShape, winding: int, clearance: float = 0.0) -> dict[str, Array]:
-    """Return the bounds and parameters of `program` for one scenario and winding, so far clear of the rims [m]."""
-    stages, quadrotor, dt = Stages((shape.steps,)), target.quadrotor, np.array([target.dt])
-    low, high = tr.state_limits(target, shape.steps + 1)
-    weakest, strongest = tightened(quadrotor.control_low, quadrotor.control_high)
-    kept = [_limits(target, kind, i, clearance) for _, kind, i in constraints(shape)]
-    rows = stages.rows([(k, [False] * ROWS[kind]) for k, kind, _ in constraints(shape)])[1]
-    limits = np.zeros((2, 6 * shape.steps + len(rows)))
-    limits[:, rows] = np.concatenate(kept, axis=1)
-    hoops, rims = tr.hoop_parameters(target).T.ravel(), tr.rim_parameters(target).T.ravel()
+    """Return the bounds and parameters of `program` for one scenario and winding.
+
+    Args:
+        target: the task.
+        shape: of the program.
+        winding: whole turns of the tilt.
+        clearance: distance that the body keeps from the rims beyond its radius [m].
+    """
+    stages, placed, dt = Stages((shape.steps,)), list(constraints(shape)), np.array([target.dt])
+    low, high = state_limits(target, shape.steps + 1)
+    control_low, control_high = tightened(target.quadrotor.control_low, target.quadrotor.control_high)
+    _, rows, marks = stages.rows(equations(KINDS, placed))
+    row_limits = np.zeros((2, len(marks)))
+    row_limits[:, rows] = limits(KINDS, placed, target, clearance)
     return {
-        "lbx": np.append(stages.pack(dt, low.T, weakest), 0.0),
-        "ubx": np.append(stages.pack(dt, high.T, strongest), LARGEST),
-        "lbg": limits[0],
-        "ubg": limits[1],
-        "p": np.concatenate([[quadrotor.gravity], hoops, tr.arrival_target(target, winding), rims]),
+        "lbx": np.append(stages.pack(dt, low.T, control_low), 0.0),
+        "ubx": np.append(stages.pack(dt, high.T, control_high), LARGEST_SCALE),
+        "lbg": row_limits[0],
+        "ubg": row_limits[1],
+        "p": parameter_values(target, winding),
     }
 
 
-def _limits(target: Scenario, kind: str, hoop: int, clearance: float) -> Array:
-    """Return least and greatest values of one of the `constraints`, shape (2, rows)."""
-    rows = ROWS[kind]
-    if kind in ("rise", "fall"):
-        return np.array(target.heights)[:, None]
-    if kind == "crossing":
-        gap = target.hoops[hoop].half_gap(target.quadrotor.radius) - HOOP_MARGIN
-        return np.array([[-np.inf, 0.0, -gap, 0.0], [0.0, np.inf, gap, np.inf]])
-    if kind == "rims":
-        return np.array([np.full(rows, (target.quadrotor.radius + clearance) ** 2), np.full(rows, np.inf)])
-    return np.array([np.full(rows, -np.inf), np.zeros(rows)])
-
-
 def first_guess(target: Scenario, flight: Flight, count: int) -> Array:
-    """Return a free-time flight, sampled at `count` even steps and flown at dt, as a start for `program`."""
+    """Return a guess for `program`: a free-time flight sampled at `count` equal steps, with steps of dt instead."""
     time = np.linspace(0.0, flight.duration, count + 1)
-    states, thrust = tr.resampled(flight, time)
+    states, thrust = resampled(flight, time)
     controls = np.stack([thrust, np.diff(states[:, 4]) / time[1]], axis=-1)
     return np.append(Stages((count,)).pack(np.array([target.dt]), states, controls), 1.0)
 
 
-def fly(target: Scenario, shape: StepShape, winding: int, guess: Array, clearance: float = 0.0) -> StepFlight:
-    """Solve `program` for one scenario and winding from a start, so far clear of the rims [m]."""
+def solve_program(target: Scenario, shape: StepShape, winding: int, guess: Array, clearance: float = 0.0) -> StepFlight:
+    """Solve `program` once from a guess; see `bounds` for the arguments."""
     run, stages = program(shape), Stages((shape.steps,))
     result = run(x0=guess, **bounds(target, shape, winding, clearance))
     values = np.array(result["x"]).ravel()

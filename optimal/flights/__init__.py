@@ -1,1 +1,1 @@
-"""What a trajectory is, and what can be certified of it without its solver."""
+"""Trajectories, and certificates of them that share nothing with the solvers."""

@@ -1,17 +1,20 @@
-"""What can be shown of a flight without its solver: limits, replay, hoops, heights, a bound.
+"""The certificate of a flight, independent of its solver: limits, replay, hoops, heights, a lower bound.
 
-Nothing here is shared with the transcriptions. The flight is asked for its state and control at
-any time; its controls, averaged over short intervals, are flown again through `Quadrotor.step`
-from the start, and the arcs so flown - not the solver's nodes - are held against hoops, floor and
-ceiling. The replay is itself a flight of held controls, known in closed form, so that all that is
-said of its controls and its path is a bound at every instant (`flatgym.arc`), not a sample.
+The certificate shares nothing with the transcriptions. It evaluates the flight's state and control at any time. It
+averages the controls over short intervals and replays them through `Quadrotor.step` from the start. The arcs of this
+replay, not the solver's nodes, are compared with hoops, floor and ceiling. The replay has held controls and a closed
+form. Its controls and its path are therefore bounded at every instant (`flatgym.arc`), not sampled.
 
-What the flight itself does between two instants is shown in one of three ways. Held controls are
-their own bounds. A `BoundsControls` flight (singular arcs: `optimal.indirect.pontryagin`) proves bounds of its controls; the
-paths of both are their replays'. A `BoundsPath` flight, which may be further from its replay
-than from a limit it touches, proves bounds of its own controls and path (flat motions:
-`optimal.flat.bounds`), and the replay only that they belong together. Of any other flight nothing is
-known, and its controls are unbounded. What could not be shown is inf, never 0.
+The flight itself between two instants is bounded in one of three ways:
+
+- held controls are their own bounds, and the path is that of the replay;
+- a `BoundsControls` flight (singular arcs: `optimal.indirect.extremal`) proves bounds of its controls, and the path is
+  that of the replay;
+- a `BoundsPath` flight (flat motions: `optimal.flat.bounds`) proves bounds of its controls and its path. It may be
+  further from its replay than from a limit that it touches. The replay only shows that controls and path agree.
+
+Nothing is known of any other flight, and its controls count as unbounded. A quantity that cannot be shown is inf, never
+0.
 """
 
 from __future__ import annotations
@@ -28,23 +31,17 @@ from flatgym.scenarios.scenario import Hoop, Scenario
 from optimal.flights.projection_bound import projection_bound
 from optimal.flights.replay import (
     AGREEMENT,
-    TURN,
-    drift,
-    fine_grid,
+    converged_replay,
     hoop_crossings,
     path_violation,
-    replay_controls,
     rest_error,
 )
 from optimal.flights.trajectory import Flight, Trajectory
 
 TOLERANCE = 1e-9
-"""Largest violation of a limit by a certified flight, relative for controls, else [m]: rounding's share."""
-MEETS, NEWTON_STEPS = 1e-12, 8
-"""How close to the line of a hoop a flight has met it [m], and the steps taken to find that instant."""
-FINER, FINEST = 16, 2**16
-"""By how many times the arcs are made more at most at once, and the most arcs of an interval: one is exact for a
-control held over the interval, and the error falls with the square of their number for smooth ones."""
+"""Largest violation of a limit by a certified flight, for rounding: relative for controls, else [m]."""
+CROSSING_TOLERANCE, NEWTON_STEPS = 1e-12, 8
+"""Distance to the line of a hoop that counts as on it [m], and most Newton steps to find that instant."""
 
 
 @runtime_checkable
@@ -52,7 +49,7 @@ class BoundsControls(Protocol):
     """A flight that proves bounds of its controls in continuous time."""
 
     def control_range(self) -> Array:
-        """Return bounds of [thrust, rate], least and greatest, shape (2, 2); infinite where nothing is shown."""
+        """Return lower and upper bounds of [thrust, rate], shape (2, 2); infinite if nothing is proven."""
 
 
 @runtime_checkable
@@ -60,30 +57,30 @@ class BoundsPath(BoundsControls, Protocol):
     """A flight that proves bounds of its controls and of its path in continuous time."""
 
     def support_bound(self, direction: Array) -> float:
-        """Return an upper bound of position . direction [m]; inf where nothing is shown."""
+        """Return an upper bound of position . direction [m]; inf if nothing is proven."""
 
     def distance_bound(self, point: Array) -> float:
-        """Return a lower bound of the distance to a point [m]; 0 where nothing is shown."""
+        """Return a lower bound of the distance to a point [m]; 0 if nothing is proven."""
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """What was shown of a flight.
+    """Verified properties of a flight.
 
     Attributes:
-        max_control_violation: largest excess of thrust or rate over its limits, relative to the
-            upper limit, in continuous time, of the flight and of its replay.
-        max_path_violation: largest depth below the floor, above the ceiling, or of the body in the rim of
-            a hoop, in continuous time [m], of the flight where it is `BoundsPath`, else of its replay.
-        replay_error: largest difference between the flight's states and its controls flown again
-            through `Quadrotor.step` [m, m/s, rad].
-        terminal_error: largest difference of the replay's last state from rest at the goal, theta
-            modulo 2 pi, and of the flight's first state from rest at the start [m, m/s, rad].
-        hoop_clearance: least distance to the ends of a gap when crossing it [m]; negative outside the
-            gap, -inf where a hoop is never crossed, inf where there is no hoop.
-        hamiltonian_drift: spread of the Hamiltonian along the flight, relative to its mean, from the solver's
-            costates; inf where it has none.
-        lower_bound: a time no flight can beat [s].
+        max_control_violation: largest violation of the limits of thrust or rate, relative to the upper limit, in
+            continuous time, by the flight and by its replay.
+        max_path_violation: largest depth below the floor, above the ceiling, or of the body in the rim of a hoop, in
+            continuous time [m], of a `BoundsPath` flight itself, else of its replay.
+        replay_error: largest difference between the flight's states and the replay of its controls through
+            `Quadrotor.step` [m, m/s, rad].
+        terminal_error: largest difference of the replay's last state from rest at the goal, theta modulo 2 pi, and of
+            the flight's first state from rest at the start [m, m/s, rad].
+        hoop_clearance: least distance to the ends of a gap at its crossing [m]; negative outside the gap, -inf if a
+            hoop is never crossed, inf without hoops.
+        hamiltonian_drift: range of the Hamiltonian along the flight, relative to its mean, from the solver's
+            costates; inf without costates.
+        lower_bound: a time that no flight can beat [s].
         gap: time / lower_bound - 1.
     """
 
@@ -97,9 +94,9 @@ class Certificate:
     gap: float = math.inf
 
     def holds(self) -> bool:
-        """Return whether the flight keeps every limit to TOLERANCE, and is what it says to AGREEMENT.
+        """Return whether the flight keeps every limit to TOLERANCE, and its replay and ends agree to AGREEMENT.
 
-        One that is faster than any flight can be is none.
+        A flight that is faster than its lower bound fails.
         """
         return (
             self.max_control_violation <= TOLERANCE
@@ -116,32 +113,18 @@ class Certificate:
 
 
 def certify(flight: Flight | None, scenario: Scenario) -> Certificate:
-    """Examine a flight against a scenario; None, or a flight with a NaN, shows nothing.
+    """Return the certificate of a flight; for None, or a flight with a NaN, it holds nothing but the lower bound.
 
     Args:
-        flight: anything that answers as a `Flight` does.
-        scenario: the task it claims to solve, between exact rest and exact rest.
+        flight: any object with the methods of `Flight`.
+        scenario: the task that it should solve, from exact rest to exact rest.
     """
     bound = projection_bound(scenario)
     if flight is None:
         return Certificate(lower_bound=bound)
-    turns = np.abs(np.diff(flight.state(flight.breakpoints)[:, 4]))
-    parts = np.maximum(np.ceil(np.nan_to_num(turns, posinf=0.0) / TURN), 1).astype(np.intp)
-    largest = math.inf
-    while True:
-        time = fine_grid(flight.breakpoints, parts)
-        states = flight.state(time)
-        replay, arcs = replay_controls(flight, scenario.quadrotor, scenario.start_state, time, states)
-        if not (np.isfinite(states).all() and np.isfinite(replay).all()):
-            return Certificate(lower_bound=bound)
-        ends = np.append(0, np.cumsum(parts))
-        added = drift(replay[ends] - states[ends], time[ends])
-        # An error that does not fall is none of the arcs': the flight does not do what its controls say.
-        if np.abs(replay - states).max() <= AGREEMENT / 2 or added.max() > largest / 2 or parts.max() >= FINEST:
-            break
-        largest = added.max()
-        aim = min(AGREEMENT / 4 / math.sqrt(len(parts)), largest / FINER)
-        parts = np.ceil(parts * np.clip(np.sqrt(added / aim), 1, FINER)).astype(np.intp)
+    states, replay, arcs = converged_replay(flight, scenario)
+    if not (np.isfinite(states).all() and np.isfinite(replay).all()):
+        return Certificate(lower_bound=bound)
     return Certificate(
         max_control_violation=control_violation(flight, arcs, scenario),
         max_path_violation=(
@@ -160,19 +143,19 @@ def certify(flight: Flight | None, scenario: Scenario) -> Certificate:
 
 
 def control_violation(flight: Flight, arcs: Arc, scenario: Scenario) -> float:
-    """Return the largest relative excess over the scenario's limits, of the controls told and of those flown again."""
+    """Return the largest relative violation of the control limits, by the flight and by its replay."""
     low, high = scenario.quadrotor.control_low, scenario.quadrotor.control_high
     least, greatest = control_range(flight)
     least, greatest = np.minimum(least, arcs.control.min(axis=0)), np.maximum(greatest, arcs.control.max(axis=0))
-    excess = np.nan_to_num(np.maximum(low - least, greatest - high) / high, nan=math.inf, posinf=math.inf)
-    return float(max(0.0, excess.max()))
+    violation = np.nan_to_num(np.maximum(low - least, greatest - high) / high, nan=math.inf, posinf=math.inf)
+    return float(max(0.0, violation.max()))
 
 
 def control_range(flight: Flight) -> Array:
-    """Return proven bounds of a flight's [thrust, rate], least and greatest, shape (2, 2); infinite if there are none.
+    """Return proven lower and upper bounds of a flight's [thrust, rate], shape (2, 2); infinite if there are none.
 
-    Only a flight whose class is known, or that proves them itself, has any: what answers like a
-    `Trajectory` may still do something else between two breakpoints.
+    Only a `Trajectory` and a flight that proves its bounds have any. An object that merely has the methods of
+    `Trajectory` may differ from it between two breakpoints.
     """
     if isinstance(flight, BoundsControls):
         return flight.control_range()
@@ -182,7 +165,7 @@ def control_range(flight: Flight) -> Array:
 
 
 def claimed_path_violation(flight: BoundsPath, scenario: Scenario) -> float:
-    """Return what `path_violation` does, of the path that a flight tells [m]."""
+    """Return the same as `path_violation`, from the bounds that the flight proves of its path [m]."""
     depth, up, radius = 0.0, np.array([0.0, 1.0]), scenario.quadrotor.radius
     if scenario.floor is not None:
         depth = max(depth, scenario.floor + flight.support_bound(-up))
@@ -193,28 +176,28 @@ def claimed_path_violation(flight: BoundsPath, scenario: Scenario) -> float:
 
 
 def hoop_clearance(flight: Flight, arcs: Arc, scenario: Scenario) -> float:
-    """Return the least clearance of all hoops [m]; -inf where one is never crossed, inf where there is none.
+    """Return the least clearance of all hoops [m]; -inf if one is never crossed, inf without hoops.
 
-    A `BoundsPath` flight is looked at itself, at the instant close to the replay's crossing when it meets the
-    line; other flights are their replay.
+    For a `BoundsPath` flight the clearance is that of the flight itself, where it crosses the line close to the
+    crossing of the replay. For other flights it is that of the replay.
     """
     crossings = hoop_crossings(arcs, scenario)
     if len(crossings) < len(scenario.hoops):
         return -math.inf
     if isinstance(flight, BoundsPath):
-        told = zip(scenario.hoops, crossings, strict=True)
-        return min((claimed_clearance(flight, scenario, hoop, time) for hoop, (time, _) in told), default=math.inf)
+        pairs = zip(scenario.hoops, crossings, strict=True)
+        return min((claimed_clearance(flight, scenario, hoop, time) for hoop, (time, _) in pairs), default=math.inf)
     return min((clearance for _, clearance in crossings), default=math.inf)
 
 
 def claimed_clearance(flight: Flight, scenario: Scenario, hoop: Hoop, time: float) -> float:
-    """Return the clearance with which a flight passes a hoop's line close to a time [m]; -inf where it does not."""
+    """Return the clearance of a flight where it crosses a hoop's line close to a time [m]; -inf if it does not."""
     for _ in range(NEWTON_STEPS):
         offset, velocity = flight(time) - hoop.centre, flight(time, 1)
         along, speed = float(offset @ hoop.direction), float(velocity @ hoop.direction)
         if speed <= 0 or not abs(along) <= AGREEMENT:
             return -math.inf
-        if abs(along) <= MEETS:
+        if abs(along) <= CROSSING_TOLERANCE:
             return hoop.half_gap(scenario.quadrotor.radius) - abs(float(offset @ hoop.across))
         time = min(max(time - along / speed, 0.0), flight.duration)
     return -math.inf

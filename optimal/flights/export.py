@@ -1,10 +1,9 @@
-"""Flights on disk: CSV, JSON or NPZ, with columns that name their quantity and unit.
+"""Flights on disk: CSV, JSON or NPZ, with quantity and unit in the column names.
 
     t_s, x_m, z_m, vx_mps, vz_mps, theta_rad, thrust_mps2, rate_radps
 
-A row is an instant: the state then, and the control held from then on (the last row repeats the
-last control). Numbers are written in full, so that reading gives back the very same ones. Files
-hold plain numbers and nothing executable.
+A row is an instant: the state at it, and the control held after it. The last row repeats the last control. Numbers are
+written in full; reading returns the same numbers to the bit. Files hold plain numbers and nothing executable.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ COLUMNS = ("t_s", "x_m", "z_m", "vx_mps", "vz_mps", "theta_rad", "thrust_mps2", 
 
 
 def save(samples: Samples, path: str | Path) -> Path:
-    """Write samples to a .csv, .json or .npz file, whole or not at all.
+    """Write samples to a .csv, .json or .npz file; an existing file is replaced only when the write succeeds.
 
     Args:
-        samples: times (n,), states (n, 5), controls (n, 2), as `trajectory.sample(dt)` returns them.
-        path: the file; its ending chooses the format.
+        samples: times (n,), states (n, 5), controls (n, 2), as from `trajectory.sample(dt)`.
+        path: the file; its ending selects the format.
 
     Raises:
         ValueError: for an unknown ending, or samples that are not finite.
@@ -38,17 +37,17 @@ def save(samples: Samples, path: str | Path) -> Path:
     write = _format(path)[0]
     table = np.column_stack([samples.time, samples.state, samples.control])
     if not np.isfinite(table).all():
-        raise ValueError("samples must be finite numbers; this flight holds NaN or infinity")
+        raise ValueError("samples must be finite numbers; this flight has NaN or infinity")
     write_whole(path, lambda temporary: write(temporary, table))
     return path
 
 
 def load(path: str | Path) -> Samples:
-    """Read back what `save` wrote.
+    """Read a file that `save` wrote.
 
     Raises:
         ValueError: for an unknown ending, or a file that does not hold these columns; names the file.
-        FileNotFoundError: where there is no such file.
+        FileNotFoundError: if there is no such file.
     """
     path = Path(path)
     read = _format(path)[1]
@@ -100,7 +99,7 @@ FORMATS: dict[str, tuple[Callable[[Path, Array], None], Callable[[Path], Columns
     ".json": (_write_json, _read_json),
     ".npz": (_write_npz, _read_npz),
 }
-"""Endings, with the function that writes and the one that reads the format."""
+"""File endings, each with its writer and its reader."""
 
 
 def _format(path: Path) -> tuple[Callable[[Path, Array], None], Callable[[Path], Columns]]:

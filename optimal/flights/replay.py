@@ -1,6 +1,12 @@
-"""TODO optimal/flights/replay.py."""
+"""The replay of a flight: its controls, averaged over short intervals, through the exact step from the start.
+
+The replay is a sequence of arcs in closed form (`flatgym.arc`). Depths in floor, ceiling and rims, and the crossings of
+hoops, are computed on these arcs in continuous time.
+"""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,19 +18,22 @@ from optimal.flights.trajectory import Flight
 
 AGREEMENT = 1e-6
 """Largest difference of a certified flight from its replay, and of its ends from rest [m, m/s, rad]."""
-TURN = 3.0
-"""Most that the tilt turns on one arc of a replay [rad]; the closed forms of `Arc` ask for less than a whole turn."""
+MAX_TURN = 3.0
+"""Largest rotation on one arc of a replay [rad]; the closed forms of `Arc` need less than a whole turn."""
+MAX_REFINEMENT, MAX_ARCS = 16, 2**16
+"""Largest factor of one refinement of the replay, and most arcs of an interval. One arc is exact for a control held
+over the interval; for smooth controls the error falls with the square of their number."""
 
 
 def fine_grid(breakpoints: Array, parts: NDArray[np.intp]) -> Array:
-    """Return the breakpoints (N + 1,) with every interval cut into so many parts (N,), shape (sum of parts + 1,)."""
+    """Return breakpoints (N + 1,) with interval i divided into parts[i] parts, shape (sum of parts + 1,)."""
     begin, part = np.repeat(breakpoints[:-1], parts), np.repeat(np.diff(breakpoints) / parts, parts)
     index = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     return np.append(begin + part * index, breakpoints[-1])
 
 
-def drift(error: Array, time: Array) -> Array:
-    """Return what each interval adds to the errors (N + 1, 5) of a replay at its ends, shape (N,)."""
+def added_errors(error: Array, time: Array) -> Array:
+    """Return the contribution of each interval to the errors (N + 1, 5) of a replay at its ends, shape (N,)."""
     added = np.diff(error, axis=0)
     added[:, 0:2] -= error[:-1, 2:4] * np.diff(time)[:, None]
     return np.abs(added).max(axis=1)
@@ -33,18 +42,52 @@ def drift(error: Array, time: Array) -> Array:
 def replay_controls(
     flight: Flight, quadrotor: Quadrotor, start: Array, time: Array, states: Array
 ) -> tuple[Array, Arc]:
-    """Fly the flight's controls, averaged over each interval of `time`, from a state (5,).
+    """Replay a flight's controls, averaged over each interval of `time`, from a state (5,).
+
+    The average rate is the change of the tilt over the interval; the thrust is that in the middle of it.
+
+    Args:
+        flight: the flight.
+        quadrotor: its vehicle.
+        start: the first state of the replay, shape (5,).
+        time: instants from 0 to the duration [s], shape (n,).
+        states: the flight's states there, shape (n, 5).
 
     Returns:
-        The states at `time`, shape (n, 5), and the n - 1 arcs between them.
-
-    The average rate is the change of the tilt over the interval, the thrust is taken in its middle.
+        The replay's states at `time`, shape (n, 5), and the n - 1 arcs between them.
     """
     dt = np.diff(time)
     middle = flight.control((time[:-1] + time[1:]) / 2)
     controls = np.stack([middle[:, 0], np.diff(states[:, 4]) / dt], axis=-1)
     replay = quadrotor.fly(start, controls, dt)
     return replay, Arc(quadrotor, replay[:-1], controls, dt)
+
+
+def converged_replay(flight: Flight, scenario: Scenario) -> tuple[Array, Array, Arc]:
+    """Replay a flight's controls on arcs that are refined until the replay agrees with the flight.
+
+    Returns:
+        The flight's states and the replay's states at the ends of the arcs, shapes (n, 5), and the n - 1 arcs. The
+        refinement also ends at states that are not finite, at errors that do not fall, and at MAX_ARCS.
+    """
+    rotation = np.abs(np.diff(flight.state(flight.breakpoints)[:, 4]))
+    parts = np.maximum(np.ceil(np.nan_to_num(rotation, posinf=0.0) / MAX_TURN), 1).astype(np.intp)
+    largest = math.inf
+    while True:
+        time = fine_grid(flight.breakpoints, parts)
+        states = flight.state(time)
+        replay, arcs = replay_controls(flight, scenario.quadrotor, scenario.start_state, time, states)
+        if not (np.isfinite(states).all() and np.isfinite(replay).all()):
+            break
+        ends = np.append(0, np.cumsum(parts))
+        added = added_errors(replay[ends] - states[ends], time[ends])
+        # An error that does not fall is not caused by the arcs: the flight does not follow its controls.
+        if np.abs(replay - states).max() <= AGREEMENT / 2 or added.max() > largest / 2 or parts.max() >= MAX_ARCS:
+            break
+        largest = added.max()
+        aim = min(AGREEMENT / 4 / math.sqrt(len(parts)), largest / MAX_REFINEMENT)
+        parts = np.ceil(parts * np.clip(np.sqrt(added / aim), 1, MAX_REFINEMENT)).astype(np.intp)
+    return states, replay, arcs
 
 
 def path_violation(arcs: Arc, scenario: Scenario) -> float:
@@ -62,10 +105,10 @@ def path_violation(arcs: Arc, scenario: Scenario) -> float:
 
 
 def hoop_crossings(arcs: Arc, scenario: Scenario) -> list[tuple[float, float]]:
-    """Return (time [s], clearance [m]) of each hoop's crossing, each after the one before.
+    """Return (time [s], clearance [m]) of the crossing of each hoop, each after the previous one.
 
-    The first crossing inside the gap counts, else the first at all; the list ends early at a hoop
-    that is never crossed.
+    The first crossing inside the gap counts; without one, the first crossing. The list ends before a hoop that is
+    never crossed.
     """
     found: list[tuple[float, float]] = []
     begin, after, began = 0, 0.0, np.append(0.0, np.cumsum(arcs.dt))
@@ -87,7 +130,7 @@ def hoop_crossings(arcs: Arc, scenario: Scenario) -> list[tuple[float, float]]:
 
 
 def crossing_times(flight: Flight, scenario: Scenario) -> Array:
-    """Return when a flight crosses each hoop [s], shape (H,) or shorter where one is never crossed."""
+    """Return the times at which a flight crosses the hoops [s], shape (H,), or shorter if one is never crossed."""
     time = flight.breakpoints
     states = flight.state(time)
     _, arcs = replay_controls(flight, scenario.quadrotor, states[0], time, states)
@@ -95,7 +138,7 @@ def crossing_times(flight: Flight, scenario: Scenario) -> Array:
 
 
 def rest_error(state: Array, rest: Array) -> float:
-    """Return the largest difference of a state from rest, theta modulo whole turns [m, m/s, rad]."""
+    """Return the largest difference of a state (5,) from a state at rest, theta modulo 2 pi [m, m/s, rad]."""
     error = state - rest
     error[4] = nearest_turn(error[4])
     return float(np.abs(error).max())

@@ -1,10 +1,11 @@
-"""What a solver returns: a time only where a certified flight stands behind it, else a reason."""
+"""The answer of a solve: a certified flight and its time, or a reason why there is none."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, Self
 
 from flatgym.scenarios.scenario import Scenario
 from optimal.flights.certificate import Certificate
@@ -12,14 +13,14 @@ from optimal.flights.trajectory import Flight
 
 
 class Status(StrEnum):
-    """How a solve ended, as a sentence that says what to do about it."""
+    """How a solve ended: a sentence, with advice where it failed."""
 
     SOLVED = "Solved: the flight is certified within its limits in continuous time."
     BEST_KNOWN = "Solved: these actions replay in the environment to the goal; no flight in fewer steps was found."
     PROVEN = "Solved: these actions replay in the environment to the goal, and no flight whatever needs fewer steps."
     FEASIBLE = (
         "Feasible, not optimal: the flight is certified within its limits in continuous time, but the optimiser "
-        "found none better than near the central path; try another number of intervals, or another method."
+        "found none better than one near the central path; try another number of intervals or another method."
     )
     INFEASIBLE = "Not solved: no flight of this scenario exists."
     NOT_CONVERGED = (
@@ -27,21 +28,21 @@ class Status(StrEnum):
         "and check that goal and hoops can be reached between floor and ceiling."
     )
     NOT_CERTIFIED = (
-        "Not solved: the optimiser converged, but its fastest flight breaks a limit between the nodes, as the "
-        "certificate says; solve again with more nodes or intervals."
+        "Not solved: the optimiser converged, but its fastest flight violates a limit between the nodes (see the "
+        "certificate); solve again with more nodes or intervals."
     )
     LIMITS_AT_NODES_ONLY = (
-        "Not a flight: limits hold at the grid nodes only, as published; see the certificate for the violation "
-        "between them."
+        "Not a flight: limits hold at the grid nodes only, as in the paper; see the certificate for the violation "
+        "between the nodes."
     )
     NO_STEPS_FOUND = (
         "Not solved: no flight was found in the number of steps tried; raise the time limit or check the scenario."
     )
-    BROKEN_OFF = "Not solved: the computation broke off with an error."
+    INTERRUPTED = "Not solved: the computation was interrupted by an error; see the reason."
 
 
 class SolveFailed(RuntimeError):
-    """A solve ended without a certified flight; `problem` is the scenario, `result` what there is."""
+    """A solve ended without a certified flight; `problem` is the scenario, `result` the incomplete answer."""
 
     def __init__(self, problem: Scenario, result: Any) -> None:
         self.problem, self.result = problem, result
@@ -53,18 +54,18 @@ class Solution:
     """The answer of `optimal.solve`.
 
     Attributes:
-        scenario: what was to be flown.
-        method: "shooting", "flat" or "pontryagin".
-        time: flight time from rest to rest [s]; inf unless `status` says solved, or feasible.
+        scenario: the task.
+        method: "shooting", "flat" or "pontryagin"; "none" if the computation was interrupted.
+        time: flight time from rest to rest [s]; inf unless the status is SOLVED, FEASIBLE or LIMITS_AT_NODES_ONLY.
         status: how the solve ended, a sentence.
         winding: whole turns of the tilt between start and goal.
-        trajectory: the flight; None where there is none.
-        certificate: what was shown of the flight, independently of the solver.
-        iterations: of Ipopt, over all starts.
-        solve_time: wall time of search and certificate, the proof of the lower bound aside [s].
-        starts: starts tried, over all windings.
-        agreed: how many of them ended within 1e-4 of the best time.
-        reason: where there is no flight, what stands in its way; else empty.
+        trajectory: the flight; None if there is none.
+        certificate: properties of the flight, checked independently of the solver.
+        iterations: of the solver, over all starts (Fatrop for shooting, Ipopt for flat; evaluations for pontryagin).
+        solve_time: wall time of method and certificate, without the proof of the lower bound [s].
+        starts: number of starts, over all windings.
+        agreed: number of starts that ended within 1e-4 of the best time.
+        reason: without a flight time, the obstacle; else empty.
     """
 
     scenario: Scenario
@@ -82,11 +83,16 @@ class Solution:
 
     @property
     def solved(self) -> bool:
-        """Whether a certified flight stands behind `time`."""
+        """Whether `time` is that of a certified, optimised flight."""
         return self.status is Status.SOLVED
 
+    @classmethod
+    def failed(cls, scenario: Scenario, status: Status, reason: str = "") -> Self:
+        """Return the answer without a flight."""
+        return cls(scenario, "none", math.inf, status, 0, None, Certificate(), 0, math.inf, 0, 0, reason)
+
     def row(self) -> dict[str, Any]:
-        """Return the solver row of the benchmark's tables: plain names and numbers."""
+        """Return the row of the solver tables: plain names and numbers."""
         return {
             "scenario": self.scenario.name,
             "method": self.method,

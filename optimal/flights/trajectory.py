@@ -1,10 +1,10 @@
-"""A flown trajectory: controls held between breakpoints, exact arcs between them.
+"""Trajectories: the protocol of every method, and the trajectory of controls held between breakpoints.
 
-    trajectory(t, order)    position and its time derivatives, paper's flat output y = (x, z)
+    trajectory(t, order)    position and its time derivatives, the paper's flat output y = (x, z)
     trajectory.state(t), trajectory.control(t), trajectory.sample(dt)
 
-Because every arc is the closed form of `flatgym.Quadrotor.step`, a trajectory is known at every
-instant and not only at its breakpoints.
+Under held controls every arc is the closed form of `flatgym.Quadrotor.step`. Such a trajectory is known at every
+instant, not only at its breakpoints.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from flatgym.quadrotor import Array, Quadrotor
 
 @dataclass(frozen=True)
 class Samples:
-    """A trajectory sampled at even times: `time` (n,) [s], `state` (n, 5), `control` (n, 2)."""
+    """A trajectory sampled at equal intervals: `time` (n,) [s], `state` (n, 5), `control` (n, 2)."""
 
     time: Array
     state: Array
@@ -28,11 +28,11 @@ class Samples:
 
 
 class Flight(Protocol):
-    """What every method's trajectory answers; times in [0, duration], any shape (...)."""
+    """The trajectory of any method; times are in [0, duration] and have any shape (...)."""
 
     @property
     def quadrotor(self) -> Quadrotor:
-        """The vehicle flown."""
+        """The vehicle."""
 
     @property
     def duration(self) -> float:
@@ -40,10 +40,10 @@ class Flight(Protocol):
 
     @property
     def breakpoints(self) -> Array:
-        """Times between which the flight is smooth [s], increasing from 0 to duration, shape (N+1,)."""
+        """Times between which the flight is smooth [s], increasing from 0 to the duration, shape (N+1,)."""
 
     def __call__(self, t: ArrayLike, order: int = 0) -> Array:
-        """Return the position (order 0) or its derivative of that order in time, shape (..., 2)."""
+        """Return the position (order 0) or its time derivative of that order, shape (..., 2)."""
 
     def state(self, t: ArrayLike) -> Array:
         """Return [x, z, vx, vz, theta], shape (..., 5)."""
@@ -70,13 +70,13 @@ def sample(flight: Flight, dt: float) -> Samples:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Piecewise constant controls and the exact flight under them.
+    """Piecewise constant controls and the exact flight under these controls.
 
     Attributes:
         breakpoints: times at which the control changes [s], shape (N+1,).
         states: states at the breakpoints, shape (N+1, 5).
         controls: controls held from each breakpoint to the next, shape (N, 2).
-        quadrotor: the vehicle flown.
+        quadrotor: the vehicle.
     """
 
     breakpoints: Array
@@ -90,12 +90,12 @@ class Trajectory:
         return float(self.breakpoints[-1])
 
     def __call__(self, t: ArrayLike, order: int = 0) -> Array:
-        """Return the position [m] or its derivative of that order in time, shape (..., 2).
+        """Return the position [m] or its time derivative of that order, shape (..., 2).
 
         Args:
             t: times in [0, duration] [s], shape (...).
-            order: 0 position, 1 velocity, 2 acceleration, 3 jerk; at a breakpoint the last two are
-                those of the arc that begins there.
+            order: 0 position, 1 velocity, 2 acceleration, 3 jerk; at a breakpoint the last two are those of the arc
+                that begins there.
 
         Raises:
             ValueError: for another order, or times outside the flight.

@@ -1,4 +1,4 @@
-"""Batches: the same answers whoever works, in order; nothing lost by errors, kills, full disks or damaged files."""
+"""Batches: answers independent of the workers and in order; robust to errors, kills, full disks and damaged files."""
 
 import errno
 import json
@@ -14,17 +14,17 @@ import numpy as np
 import pytest
 
 import optimal
-from experiments.measurements.sections import random_goal
+from experiments.measurements.sections import uniform_goal
 from flatgym import SCENARIOS
 from optimal import Status, fewest_steps_many, solve_many, store
 from optimal.store import decoded, encoded
 
-GOALS = [random_goal(np.random.default_rng((7, i)), i) for i in range(6)]
+GOALS = [uniform_goal(np.random.default_rng((7, i)), i) for i in range(6)]
 TIMES = ("solve_time",)
 
 
 def facts(answer):
-    """Return all that an answer says but how long it took, exactly."""
+    """Return every field of an answer except its wall times, exactly."""
     values = {field.name: getattr(answer, field.name) for field in fields(answer) if field.name not in TIMES}
     flight = values.pop("trajectory", None)
     if flight is not None:
@@ -32,7 +32,7 @@ def facts(answer):
     return {name: value.tobytes() if isinstance(value, np.ndarray) else value for name, value in values.items()}
 
 
-def test_the_answers_depend_neither_on_the_workers_nor_on_the_order():
+def test_answers_depend_neither_on_the_workers_nor_on_the_order():
     for many in (solve_many, fewest_steps_many):
         alone = many(GOALS, jobs=1)
         assert [answer.scenario for answer in alone] == GOALS
@@ -40,10 +40,10 @@ def test_the_answers_depend_neither_on_the_workers_nor_on_the_order():
         assert [facts(answer) for answer in together] == [facts(answer) for answer in alone]
 
 
-def test_one_that_fails_is_an_answer_and_costs_the_others_nothing():
+def test_a_failed_scenario_has_an_answer_and_does_not_stop_the_others():
     far = replace(SCENARIOS["diagonal"], goal=(4000.0, 0.0), time_limit=1000.0)
     answers = solve_many(["horizontal-3", far, "hoop"], jobs=1, method="pontryagin", windings=(0,))
-    assert [answer.status for answer in answers] == [Status.SOLVED, answers[1].status, Status.BROKEN_OFF]
+    assert [answer.status for answer in answers] == [Status.SOLVED, answers[1].status, Status.INTERRUPTED]
     assert answers[1].status is not Status.SOLVED
     assert "shooting" in answers[2].reason
     assert answers[2].time == np.inf
@@ -52,10 +52,10 @@ def test_one_that_fails_is_an_answer_and_costs_the_others_nothing():
     assert "too far" in steps[0].reason
 
 
-def test_the_same_scenario_is_solved_once():
-    told = []
-    answers = solve_many(["horizontal-3"] * 3, jobs=1, windings=(0,), progress=lambda *counts: told.append(counts))
-    assert told == [(1, 1)]
+def test_equal_scenarios_are_solved_once():
+    reported = []
+    answers = solve_many(["horizontal-3"] * 3, jobs=1, windings=(0,), progress=lambda *counts: reported.append(counts))
+    assert reported == [(1, 1)]
     assert answers[0] is answers[2]
     assert solve_many([], jobs=1) == []
 
@@ -70,25 +70,25 @@ def test_the_same_scenario_is_solved_once():
         ({"method": "flat", "store": "."}, "a store keeps flights of method='shooting' only, got 'flat'"),
     ],
 )
-def test_wrong_orders_are_refused_before_any_work(arguments, words):
+def test_invalid_arguments_are_rejected_before_any_work(arguments, words):
     with pytest.raises(ValueError, match=words):
         solve_many(["hoop"], **arguments)
     with pytest.raises(ValueError, match="unknown scenario 'hop'"):
         solve_many(["hop"])
 
 
-def test_without_ray_the_way_to_it_is_said(monkeypatch):
+def test_a_missing_ray_is_reported_with_its_installation(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray.util.joblib", None)
     with pytest.raises(ImportError, match='needs Ray; run: pip install "ray'):
         solve_many(["horizontal-3"], backend="ray")
 
 
-def test_what_is_stored_comes_back_to_the_bit_and_is_not_computed_again(tmp_path):
-    told = []
-    for many, tasks in ((solve_many, GOALS[:2]), (fewest_steps_many, [GOALS[0], impossible()])):
+def test_stored_answers_are_read_to_the_bit_and_not_computed_again(tmp_path):
+    reported = []
+    for many, tasks in ((solve_many, GOALS[:2]), (fewest_steps_many, [GOALS[0], unreachable()])):
         first = many(tasks, jobs=1, store=tmp_path)
-        again = many(tasks, jobs=1, store=tmp_path, progress=lambda *counts: told.append(counts))
-        assert not told
+        again = many(tasks, jobs=1, store=tmp_path, progress=lambda *counts: reported.append(counts))
+        assert not reported
         for one, other in zip(first, again, strict=True):
             assert facts(one) == facts(other)
             assert all(type(getattr(one, f.name)) is type(getattr(other, f.name)) for f in fields(one))
@@ -97,8 +97,8 @@ def test_what_is_stored_comes_back_to_the_bit_and_is_not_computed_again(tmp_path
     assert len(list(tmp_path.iterdir())) == 5
 
 
-def impossible():
-    """A goal that cannot be reached in its time."""
+def unreachable():
+    """A goal that cannot be reached within the time limit."""
     return replace(SCENARIOS["horizontal-6"], time_limit=1.0)
 
 
@@ -125,17 +125,17 @@ def damaged(text, how):
         ("empty", "Expecting"),
         ("version", "written as schema 1 by version 0.0, wanted 1 by"),
         ("schema", "schema 0"),
-        ("no answer", "holds no answer"),
+        ("no answer", "no answer in it"),
         ("number", "checksum"),
     ],
 )
-def test_a_file_that_cannot_be_trusted_is_set_aside_and_replaced(tmp_path, how, words):
+def test_a_damaged_file_is_moved_aside_and_replaced(tmp_path, how, words):
     (first,) = solve_many(GOALS[:1], jobs=1, store=tmp_path, windings=(0,))
     (path,) = tmp_path.iterdir()
     bad = damaged(path.read_text(), how)
     for number in (1, 2):
         path.write_text(bad)
-        with pytest.warns(UserWarning, match=f"{path.name} cannot be used .*({words}).*set aside as"):
+        with pytest.warns(UserWarning, match=f"{path.name} cannot be used .*({words}).*moved aside as"):
             (again,) = solve_many(GOALS[:1], jobs=1, store=tmp_path, windings=(0,))
         assert facts(again) == facts(first)
         assert decoded(path.read_text(), GOALS[0]).time == first.time
@@ -144,13 +144,13 @@ def test_a_file_that_cannot_be_trusted_is_set_aside_and_replaced(tmp_path, how, 
         assert all(other.read_text() == bad and ".set-aside" in other.name for other in aside)
 
 
-def test_another_scenarios_answer_is_not_believed():
+def test_the_answer_for_another_scenario_is_rejected():
     (answer,) = solve_many(GOALS[:1], jobs=1, windings=(0,))
-    with pytest.raises(ValueError, match="it answers for"):
+    with pytest.raises(ValueError, match="it is the answer for"):
         decoded(encoded(answer), GOALS[1])
 
 
-def test_a_full_disk_is_named_and_what_was_finished_stays(tmp_path, monkeypatch):
+def test_a_full_disk_is_reported_and_finished_answers_stay(tmp_path, monkeypatch):
     written, write = [], store.write_text
 
     def full(path, text):
@@ -160,27 +160,27 @@ def test_a_full_disk_is_named_and_what_was_finished_stays(tmp_path, monkeypatch)
         write(path, text)
 
     monkeypatch.setattr(store, "write_text", full)
-    with pytest.raises(OSError, match=r"No space left.*finished before are kept.*\.json") as failure:
+    with pytest.raises(OSError, match=r"No space left.*earlier answers stay.*\.json") as failure:
         solve_many(GOALS[:4], jobs=1, store=tmp_path, windings=(0,))
     assert failure.value.errno == errno.ENOSPC
     assert sorted(tmp_path.iterdir()) == sorted(written)
     monkeypatch.undo()
-    told = []
-    solve_many(GOALS[:4], jobs=1, store=tmp_path, windings=(0,), progress=lambda *counts: told.append(counts))
-    assert told == [(1, 2), (2, 2)]
+    reported = []
+    solve_many(GOALS[:4], jobs=1, store=tmp_path, windings=(0,), progress=lambda *counts: reported.append(counts))
+    assert reported == [(1, 2), (2, 2)]
 
 
 SCRIPT = """
 import sys
 import numpy as np
 import optimal
-from experiments.measurements.sections import random_goal
-goals = [random_goal(np.random.default_rng((7, i)), i) for i in range(40)]
+from experiments.measurements.sections import uniform_goal
+goals = [uniform_goal(np.random.default_rng((7, i)), i) for i in range(40)]
 optimal.solve_many(goals, jobs=1, store=sys.argv[1], windings=(0,))
 """
 
 
-def test_a_killed_run_goes_on_where_it_stopped(tmp_path):
+def test_a_killed_batch_resumes_from_its_store(tmp_path):
     child = subprocess.Popen([sys.executable, "-c", SCRIPT, str(tmp_path)], cwd=Path(optimal.__file__).parents[1])
     until = time.monotonic() + 60
     while len(list(tmp_path.glob("[!.]*.json"))) < 5 and child.poll() is None and time.monotonic() < until:
@@ -189,9 +189,9 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path):
     child.wait()
     kept = {path: path.stat().st_mtime_ns for path in tmp_path.glob("[!.]*.json")}
     assert 5 <= len(kept) < 40
-    goals, told = [random_goal(np.random.default_rng((7, i)), i) for i in range(40)], []
-    answers = solve_many(goals, jobs=1, store=tmp_path, windings=(0,), progress=lambda *counts: told.append(counts))
-    assert len(told) == 40 - len(kept)
+    goals, reported = [uniform_goal(np.random.default_rng((7, i)), i) for i in range(40)], []
+    answers = solve_many(goals, jobs=1, store=tmp_path, windings=(0,), progress=lambda *counts: reported.append(counts))
+    assert len(reported) == 40 - len(kept)
     assert all(path.stat().st_mtime_ns == when for path, when in kept.items())
     assert [answer.scenario for answer in answers] == goals
     assert len(list(tmp_path.glob("[!.]*.json"))) == 40

@@ -1,4 +1,4 @@
-"""The front door: two roads, one number; what is not solved has no time."""
+"""`solve`: three methods agree; only a certified flight has a time."""
 
 import math
 from dataclasses import replace
@@ -15,7 +15,7 @@ from optimal.direct.multistart import search
 
 
 @pytest.mark.parametrize("name", ["horizontal-6", "ground-6"])
-def test_two_independent_roads_agree(name):
+def test_shooting_and_the_flat_method_agree(name):
     shooting, flat = optimal.solve(name), optimal.solve(name, method="flat")
     assert shooting.status is flat.status is Status.SOLVED
     assert shooting.certificate.holds()
@@ -26,17 +26,18 @@ def test_two_independent_roads_agree(name):
     assert np.abs(ways[0] - ways[1]).max() < 0.1
 
 
-def test_the_fastest_winding_wins_and_its_starts_are_counted():
+def test_the_fastest_winding_is_returned_and_its_starts_are_counted():
     solution = optimal.solve("climb")
     assert abs(solution.winding) == 1
     assert abs(solution.time - 1.30037) < 5e-4
-    assert solution.starts == 9  # two turns are hopeless by the costates of none, three by their length alone
-    assert solution.agreed == 6  # one turn either way
+    # The costates of winding 0 prune windings of 2; the rotation alone excludes windings of 3.
+    assert solution.starts == 9
+    assert solution.agreed == 6  # windings 1 and -1
     more = optimal.solve("diagonal", windings=(0,), starts=4, seed=1)
     assert (more.starts, more.agreed) == (4, 4)
 
 
-def test_leaving_out_windings_that_cannot_win_changes_nothing():
+def test_pruning_windings_does_not_change_the_optimum():
     alone = [optimal.solve("hoop", windings=(winding,)).time for winding in (0, 3, -3)]
     assert optimal.solve("hoop").time == pytest.approx(min(alone), rel=1e-7)
     assert min(alone[1:]) > 6 * math.pi / SCENARIOS["hoop"].quadrotor.rate_max > alone[0]
@@ -54,7 +55,7 @@ def test_every_named_scenario_is_solved_and_certified(name):
         assert abs(solution.time / REFERENCE_TIMES[name] - 1) < 2e-4
 
 
-def test_limits_at_nodes_only_are_never_called_solved():
+def test_limits_at_nodes_only_do_not_count_as_solved():
     lie = optimal.solve("horizontal-3", method="flat", checks="nodes")
     assert lie.status is Status.LIMITS_AT_NODES_ONLY
     assert not lie.solved
@@ -62,7 +63,7 @@ def test_limits_at_nodes_only_are_never_called_solved():
     assert lie.certificate.max_control_violation > 1
 
 
-def test_a_row_is_plain_and_complete():
+def test_a_row_has_plain_values_in_order():
     row = optimal.solve("horizontal-3", windings=(0,)).row()
     first = ["scenario", "method", "time_s", "winding", "status", "iterations", "solve_time_s", "lower_bound_s"]
     assert list(row)[:8] == first
@@ -71,11 +72,11 @@ def test_a_row_is_plain_and_complete():
 
 
 def unreachable():
-    """A goal so far away that no phase the solver considers is long enough."""
+    """A goal beyond the longest phase that the solver considers."""
     return replace(SCENARIOS["diagonal"], goal=(4000.0, 0.0), time_limit=1000.0)
 
 
-def test_what_does_not_converge_has_a_sentence_and_no_time():
+def test_a_failed_solve_has_a_reason_and_no_time():
     with pytest.raises(SolveFailed, match=r"did not converge.*takes at least 28.28 s") as failure:
         optimal.solve(unreachable(), windings=(0,))
     assert failure.value.problem == unreachable()
@@ -86,7 +87,7 @@ def test_what_does_not_converge_has_a_sentence_and_no_time():
     assert "too far" in solution.reason
 
 
-def test_unknown_words_and_empty_searches_are_refused():
+def test_unknown_names_and_empty_searches_are_rejected():
     with pytest.raises(
         ValueError, match="unknown method 'flt'; known: shooting, flat, pontryagin; did you mean 'flat'"
     ):
@@ -103,13 +104,13 @@ def test_unknown_words_and_empty_searches_are_refused():
         optimal.solve("hoop", method="pontryagin")
 
 
-def test_three_roads_one_number():
+def test_shooting_and_the_indirect_method_agree():
     times = [optimal.solve("climb", method=method).time for method in ("shooting", "pontryagin")]
     assert abs(times[0] / times[1] - 1) < 1e-4
     assert times[1] <= times[0]
 
 
-def test_a_scenario_the_paper_knows_nothing_of_is_flown_in_an_automatic_corridor():
+def test_a_scenario_outside_the_paper_gets_an_automatic_corridor():
     task = replace(SCENARIOS["horizontal-3"], hoops=(Hoop(1.5, 0.3, 0.8, 0.2),))
     flat, shooting = optimal.solve(task, method="flat"), optimal.solve(task)
     assert flat.status in (Status.SOLVED, Status.FEASIBLE)
@@ -118,7 +119,7 @@ def test_a_scenario_the_paper_knows_nothing_of_is_flown_in_an_automatic_corridor
 
 
 @pytest.mark.parametrize(("name", "radius"), [("high-hoop", 0.1), ("hoop", 0.05), ("hoop", 0.1)])
-def test_a_body_keeps_clear_of_the_rims_and_pays_for_it(name, radius):
+def test_a_body_keeps_clear_of_the_rims_and_takes_longer(name, radius):
     body = replace(SCENARIOS[name], quadrotor=Quadrotor(radius=radius))
     narrow = replace(body.hoops[0], diameter=body.hoops[0].diameter - 2 * radius)
     point = optimal.solve(replace(SCENARIOS[name], hoops=(narrow,)))
@@ -126,18 +127,18 @@ def test_a_body_keeps_clear_of_the_rims_and_pays_for_it(name, radius):
     assert solution.status is Status.SOLVED
     assert solution.certificate.max_path_violation <= 1e-6
     assert point.time - 1e-6 < solution.time < 1.01 * point.time
-    # The point's flight would touch: the rims are what the body pays for.
+    # The body would touch a rim on the flight of the point.
     assert optimal.certify(point.trajectory, body).max_path_violation > 1e-3
 
 
-def test_a_gap_crossed_at_a_flat_angle_is_narrowed_until_the_certificate_holds():
+def test_limits_are_tightened_until_the_certificate_holds():
     hoop = Hoop(-0.5828057227610782, -0.2105516720391435, 0.7305058241673393, 0.9819820032261656)
     scenario = Scenario("flat", (0, 0), (0.7556569406926883, 0.9994955106729595), (hoop,), floor=-0.013504324834492043)
     plain = search(scenario).shots[0]
     loose = certify(plain.trajectory, scenario)
-    mended, certificate = tighten(scenario, plain, loose)
-    assert -1e-7 < loose.hoop_clearance < -1e-9  # else this scenario no longer shows what it is here for
+    repaired, certificate = tighten(scenario, plain, loose)
+    assert -1e-7 < loose.hoop_clearance < -1e-9  # else this scenario no longer tests the repair
     assert not loose.holds()
     assert certificate.holds()
-    assert mended.trajectory.duration == pytest.approx(plain.trajectory.duration, rel=1e-6)
+    assert repaired.trajectory.duration == pytest.approx(plain.trajectory.duration, rel=1e-6)
     assert optimal.solve(scenario, max_gap=None).status is Status.SOLVED

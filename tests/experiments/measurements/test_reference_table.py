@@ -7,8 +7,7 @@ import pytest
 
 from experiments.measurements import reference_table as writer
 from flatgym.scenarios.reference import FILE, SCHEMA, drawn_k_star, reference
-from optimal import fewest_steps
-from optimal.batch import broken_off
+from optimal import FewestSteps, Status
 
 
 def test_a_row_is_computed_as_it_stands(tmp_path):
@@ -38,7 +37,7 @@ def test_draws_are_those_that_are_shipped_and_go_on_where_they_stopped(tmp_path,
 
 def test_a_draw_without_a_flight_is_named(monkeypatch):
     def nothing(scenarios, **_):
-        return [broken_off(fewest_steps, scenario, "no power") for scenario in scenarios]
+        return [FewestSteps.failed(scenario, Status.INTERRUPTED, "no power") for scenario in scenarios]
 
     monkeypatch.setattr(writer.optimal, "fewest_steps_many", nothing)
     with pytest.raises(ValueError, match="random-goal-1000000-0: no flight was found: no power"):

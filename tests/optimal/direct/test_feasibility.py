@@ -1,4 +1,4 @@
-"""No flight, and why: shown before the solve where it can be, suspected after it where not."""
+"""Infeasibility: proofs before the solve, a diagnosis after a failed one."""
 
 import math
 from dataclasses import replace
@@ -8,7 +8,7 @@ import pytest
 import optimal
 from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario
 from optimal import SolveFailed, Status
-from optimal.direct.feasibility import beyond_horizon, impossible, passage, suspect
+from optimal.direct.feasibility import beyond_horizon, infeasibility_proof, infeasibility_suspect, passage
 
 
 def gate(second, radius=0.15, **limits):
@@ -18,23 +18,23 @@ def gate(second, radius=0.15, **limits):
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_named_scenarios_are_possible_for_points_and_small_bodies(name):
+def test_named_scenarios_are_feasible_for_points_and_small_bodies(name):
     for radius in (0.0, 0.1):
         scenario = replace(SCENARIOS[name], quadrotor=Quadrotor(radius=radius))
-        assert impossible(scenario) == beyond_horizon(scenario) == ""
+        assert infeasibility_proof(scenario) == beyond_horizon(scenario) == ""
         for i, hoop in enumerate(scenario.hoops):
             half = hoop.diameter / 2 - radius
             assert passage(scenario, i) == [(pytest.approx(-half), pytest.approx(half))]
 
 
-def test_rims_of_other_hoops_take_from_the_passage():
+def test_rims_of_other_hoops_reduce_the_passage():
     # The lower rim of the second hoop stands at z = -0.05 m, a disc of 0.15 m around it.
     assert passage(gate(Hoop(2.5, 0.3, 0.7), radius=0.1), 0) == [(pytest.approx(0.05), pytest.approx(0.15))]
     assert passage(gate(Hoop(2.5, 0.3, 0.7), radius=0.0), 0) == [(-0.25, 0.25)]
     assert passage(gate(Hoop(2.5, 0.2, 0.5)), 0) == []
 
 
-def test_floor_and_ceiling_take_from_the_passage_whichever_way_the_hoop_faces():
+def test_floor_and_ceiling_reduce_the_passage_in_either_direction():
     for angle in (0.0, math.pi):
         scenario = replace(SCENARIOS["hoop"], hoops=(Hoop(2.5, 2.5, 0.5, angle),), floor=0.0, ceiling=5.0)
         assert passage(scenario, 0) == [(-0.25, 0.25)]
@@ -42,7 +42,7 @@ def test_floor_and_ceiling_take_from_the_passage_whichever_way_the_hoop_faces():
     assert passage(low, 0) == [(pytest.approx(-0.1), 0.25)]
 
 
-def test_a_blocked_gap_is_refused_before_the_solve_with_the_hoop_at_fault():
+def test_a_blocked_gap_is_reported_before_the_solve_with_its_hoop():
     blocked = gate(Hoop(2.5, 0.2, 0.5))
     with pytest.raises(SolveFailed, match=r"no flight of this scenario exists.*hoops\[0\] cannot be passed.*0\.15 m"):
         optimal.solve(blocked)
@@ -54,20 +54,20 @@ def test_a_blocked_gap_is_refused_before_the_solve_with_the_hoop_at_fault():
     assert steps.reason == solution.reason
 
 
-def test_a_flat_hoop_against_the_ceiling_is_refused():
+def test_a_flat_hoop_at_the_ceiling_is_infeasible():
     flat = replace(SCENARIOS["hoop"], ceiling=6.0, hoops=(Hoop(2.5, 6.0, 0.5, math.pi / 2),))
-    assert "against the ceiling" in impossible(flat)
-    assert impossible(replace(flat, ceiling=6.5)) == ""
+    assert "against the ceiling" in infeasibility_proof(flat)
+    assert infeasibility_proof(replace(flat, ceiling=6.5)) == ""
 
 
-def test_a_goal_beyond_the_solver_is_named_with_its_least_time():
+def test_a_goal_beyond_the_horizon_is_reported_with_its_least_time():
     far = replace(SCENARIOS["diagonal"], goal=(4000.0, 0.0), time_limit=1000.0)
     assert "at least 28.28 s" in beyond_horizon(far)
     weak = replace(SCENARIOS["diagonal"], quadrotor=Quadrotor(thrust_max=9.811))
     assert beyond_horizon(weak)
 
 
-def test_what_is_left_out_when_the_solver_succeeds_is_suspected(monkeypatch):
+def test_the_requirement_whose_removal_lets_the_solver_converge_is_the_suspect(monkeypatch):
     scenario = replace(SCENARIOS["slalom"], floor=-3.0)
     guilty = scenario.hoops[1]
 
@@ -76,6 +76,6 @@ def test_what_is_left_out_when_the_solver_succeeds_is_suspected(monkeypatch):
             self.converged = guilty not in easier.hoops
 
     monkeypatch.setattr("optimal.direct.feasibility.solve_coarse", Answer)
-    assert f"without hoops[1] = {guilty}" in suspect(scenario)
+    assert f"without hoops[1] = {guilty}" in infeasibility_suspect(scenario)
     monkeypatch.setattr("optimal.direct.feasibility.solve_coarse", lambda _: Answer(scenario))
-    assert "even without" in suspect(scenario)
+    assert "even without" in infeasibility_suspect(scenario)

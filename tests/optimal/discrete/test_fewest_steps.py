@@ -1,4 +1,4 @@
-"""K*: flown in both environments to the goal at exactly K steps, and no fewer by any wider search here."""
+"""K*: actions reach the goal at exactly K steps in both environments, and no wider search finds fewer steps."""
 
 import math
 from dataclasses import replace
@@ -13,15 +13,15 @@ from flatgym.task.rollout import replay_to_goal
 from flatgym.task.scene import FLOOR, GOAL
 from optimal import SolveFailed, Status, fewest_steps
 from optimal.direct.shooting import solve_coarse, solve_winding
-from optimal.discrete.fewest_steps import expected
+from optimal.discrete.fewest_steps import expected_duration
 
-FOUND = {"horizontal-3": 44, "horizontal-6": 61, "horizontal-15": 94, "diagonal": 70}
-"""Orientation from an independent search with a square tolerance; the round one may cost one step more."""
+INDEPENDENT = {"horizontal-3": 44, "horizontal-6": 61, "horizontal-15": 94, "diagonal": 70}
+"""K* of an independent search with a square tolerance; the round tolerance may need one step more."""
 
 
 @pytest.mark.parametrize("name", ["horizontal-6", "hoop", "ground-6", "climb", "slalom"])
 def test_actions_replay_to_the_goal_at_exactly_k_steps(name):
-    many_hoops = name == "slalom"  # whose proof takes longer than a test may
+    many_hoops = name == "slalom"  # the proof takes too long for a test
     result = fewest_steps(name, time_budget=0.0 if many_hoops else 30.0)
     assert result.actions.dtype == np.float32
     assert result.actions.shape == (result.steps, 2)
@@ -42,12 +42,12 @@ def test_actions_replay_to_the_goal_at_exactly_k_steps(name):
     assert info["hoops_passed"] == len(SCENARIOS[name].hoops)
 
 
-@pytest.mark.parametrize(("name", "steps"), FOUND.items())
+@pytest.mark.parametrize(("name", "steps"), INDEPENDENT.items())
 def test_k_agrees_with_an_independent_search(name, steps):
     assert fewest_steps(name, windings=(0,)).steps in (steps, steps + 1)
 
 
-def test_k_shrinks_with_the_tolerance_and_grows_with_the_way():
+def test_k_decreases_with_the_tolerance_and_increases_with_the_distance():
     scenario = SCENARIOS["horizontal-3"]
     tight, loose = (
         fewest_steps(replace(scenario, tolerance=Tolerance(p, 2 * p, p)), windings=(0,)).steps for p in (0.02, 0.3)
@@ -57,14 +57,14 @@ def test_k_shrinks_with_the_tolerance_and_grows_with_the_way():
     assert fewest_steps("horizontal-6", windings=(0,)).steps > usual
 
 
-def test_finer_steps_are_no_slower():
+def test_shorter_steps_are_not_slower():
     scenario = SCENARIOS["horizontal-3"]
     coarse = fewest_steps(replace(scenario, dt=0.04), windings=(0,))
     fine = fewest_steps(replace(scenario, dt=0.02), windings=(0,))
     assert fine.steps * 0.02 <= coarse.steps * 0.04
 
 
-def test_no_flight_within_the_time_limit_is_said_not_guessed():
+def test_a_missing_flight_is_reported_with_the_expected_time():
     hurried = replace(SCENARIOS["horizontal-6"], time_limit=1.1)
     with pytest.raises(SolveFailed, match=r"no flight was found.*takes about 1.201 s of 1.1 s") as failure:
         fewest_steps(hurried, windings=(0,))
@@ -95,24 +95,24 @@ KNOWN = {
     "slalom": 145,
     "loop": 136,
 }
-"""The fewest steps found so far, by this search and by a general solver in place of the stages."""
+"""Best-known K*, from this search and from a general solver in place of the staged one."""
 
 
 @pytest.mark.parametrize("name", [name for name in KNOWN if name not in ("slalom", "loop", "high-hoop")])
-def test_no_more_steps_than_ever_found(name):
+def test_no_more_steps_than_the_best_known(name):
     assert fewest_steps(name).steps <= KNOWN[name]
 
 
 @pytest.mark.parametrize("winding", [0, 1, -1])
-def test_the_tolerance_saves_what_the_costates_say(winding):
+def test_the_tolerance_saves_what_the_costates_predict(winding):
     target = SCENARIOS["diagonal"]
     rough = solve_coarse(target, winding)
     tolerant = solve_winding(target, winding, tolerant=True).trajectory.duration
-    assert expected(target, rough) == pytest.approx(tolerant, rel=0.01)
+    assert expected_duration(target, rough) == pytest.approx(tolerant, rel=0.01)
     assert tolerant < rough.trajectory.duration - 0.01
 
 
-def test_all_steps_judged_at_once_are_those_flown_one_by_one(generator):
+def test_the_batched_replay_equals_the_steps_of_the_task(generator):
     target = SCENARIOS["ground-6"]
     actions = fewest_steps(target).actions
     flown = task.fly_actions(target, actions)
@@ -126,15 +126,15 @@ def test_all_steps_judged_at_once_are_those_flown_one_by_one(generator):
     np.testing.assert_array_equal(replay_to_goal(target, longer), replay_to_goal(target, actions))
 
 
-def test_a_body_flies_clear_of_the_rims_in_the_fewest_steps():
+def test_a_body_keeps_clear_of_the_rims():
     body = replace(SCENARIOS["hoop"], quadrotor=Quadrotor(radius=0.1))
     result = fewest_steps(body, windings=(0,))
     assert task.fly_actions(body, result.actions)[-1].outcome[0] == GOAL
     assert result.steps >= fewest_steps("hoop", windings=(0,)).steps
 
 
-def test_two_hoops_that_the_body_must_not_touch():
-    # Between the points at which the distance to the rims is constrained, the first flight found touches one.
+def test_a_body_passes_two_narrow_hoops():
+    # The first flight found touches a rim between two constrained points.
     hoops = (Hoop(0.0, -3.376, 0.6, -2.131), Hoop(-2.49, -4.794, 0.6, -2.067))
     target = Scenario("narrow", (0, 0), (-3.293, -6.83), hoops=hoops, quadrotor=Quadrotor(radius=0.1))
     result = fewest_steps(target, windings=(1,))
@@ -142,7 +142,7 @@ def test_two_hoops_that_the_body_must_not_touch():
     assert result.steps <= 90
 
 
-def test_a_time_limit_below_the_bound_is_shown_to_be_impossible():
+def test_a_time_limit_below_the_bound_is_infeasible():
     hurried = replace(SCENARIOS["horizontal-6"], time_limit=1.0)
     result = fewest_steps(hurried, windings=(0,), raise_on_failure=False)
     assert result.status is Status.INFEASIBLE

@@ -1,4 +1,4 @@
-"""Certificates hold for true flights and fail for broken ones, each in the field that was broken."""
+"""Certificates hold for valid flights and fail for broken ones, each in the field that was broken."""
 
 import math
 from dataclasses import replace
@@ -19,13 +19,13 @@ from optimal.systems import PlanarQuadrotor
 
 
 @pytest.fixture(scope="module", params=["ground-6", "hoop", "slalom", "loop"])
-def flown(request):
+def solved(request):
     scenario = SCENARIOS[request.param]
     return scenario, solve_winding(scenario, -1 if request.param == "loop" else 0).trajectory
 
 
-def test_true_flights_are_certified(flown):
-    scenario, flight = flown
+def test_valid_flights_are_certified(solved):
+    scenario, flight = solved
     certificate = certify(flight, scenario)
     assert certificate.holds()
     assert certificate.max_control_violation == 0
@@ -40,8 +40,8 @@ def broken(flight, part, index, amount):
     return replace(flight, **{part: values})
 
 
-def test_broken_flights_fail_where_they_are_broken(flown):
-    scenario, flight = flown
+def test_broken_flights_fail_where_they_are_broken(solved):
+    scenario, flight = solved
     middle = len(flight.controls) // 2
     slower = replace(flight, breakpoints=flight.breakpoints * 1.001)
     for field, wrong in {
@@ -54,14 +54,14 @@ def test_broken_flights_fail_where_they_are_broken(flown):
         assert not certificate.holds()
 
 
-def test_a_rate_beyond_its_limit_is_seen(flown):
-    scenario, flight = flown
+def test_a_rate_beyond_its_limit_is_detected(solved):
+    scenario, flight = solved
     certificate = certify(flight, replace(scenario, quadrotor=Quadrotor(rate_max=9.9)))
     assert certificate.max_control_violation == pytest.approx(10 / 9.9 - 1, abs=1e-6)
     assert not certificate.holds()
 
 
-def test_heights_are_held_against_the_arcs():
+def test_heights_are_checked_on_the_arcs():
     ground, free = SCENARIOS["ground-6"], SCENARIOS["horizontal-6"]
     flight = solve_winding(free).trajectory
     depth = -min(flight(np.linspace(0, flight.duration, 20001))[:, 1])
@@ -74,7 +74,7 @@ def test_heights_are_held_against_the_arcs():
     assert certify(flight, low_ceiling).max_path_violation == pytest.approx(0.01, abs=1e-6)
 
 
-def test_hoops_missed_or_flown_backwards_are_seen():
+def test_hoops_missed_or_passed_backwards_are_detected():
     hoop, diagonal = SCENARIOS["hoop"], SCENARIOS["diagonal"]
     flight = solve_winding(diagonal).trajectory
     narrow = replace(hoop, hoops=(Hoop(2.5, 2.5, 0.1),))
@@ -86,8 +86,8 @@ def test_hoops_missed_or_flown_backwards_are_seen():
     assert not certify(flight, narrow).holds()
 
 
-def test_a_body_that_grazes_a_rim_is_seen():
-    # Through the gap with room to spare where it crosses the line, but past the rim at an angle.
+def test_a_body_that_touches_a_rim_is_detected():
+    # The crossing has clearance to spare, but the path passes the rim at an angle.
     hoop = Hoop(2.5, 2.5, 0.7, math.pi / 4 + 1.2)
     scenario = replace(SCENARIOS["hoop"], hoops=(hoop,))
     flight = solve_winding(scenario).trajectory
@@ -101,7 +101,7 @@ def test_a_body_that_grazes_a_rim_is_seen():
     assert not certificate.holds()
 
 
-def test_nothing_shows_nothing():
+def test_without_a_valid_flight_nothing_is_certified():
     certificate = certify(None, SCENARIOS["hoop"])
     assert not certificate.holds()
     assert certificate.gap == certificate.replay_error == math.inf
@@ -111,14 +111,14 @@ def test_nothing_shows_nothing():
     assert not Certificate().holds()
 
 
-def test_the_wrong_goal_is_seen():
+def test_a_wrong_goal_is_detected():
     flight = solve_winding(SCENARIOS["horizontal-3"]).trajectory
     elsewhere = Scenario("elsewhere", (0, 0), (3.01, 0))
     assert certify(flight, elsewhere).terminal_error == pytest.approx(0.01, abs=1e-6)
 
 
 def flat(path=None, bump=0.0, at=0.4, width=1e-3):
-    """Return a slow flat flight 4 m to the right, b(s) = 0.1 but for a bump between two close nodes."""
+    """Return a slow flat flight 4 m to the right, with b(s) = 0.1 except for a bump between two close nodes."""
     nodes = np.array([0.0, at - width, at, at + width, 1.0])
     space = SplineSpace(nodes, 3, 2)
     speed = np.full(space.size, 0.1)
@@ -131,27 +131,27 @@ def flat(path=None, bump=0.0, at=0.4, width=1e-3):
 
 
 def with_knots(flight, nodes):
-    """Return a flight whose intervals are no longer its smooth pieces, so that samples miss what is narrow."""
+    """Return a flight whose intervals are not its smooth pieces, so that samples miss a narrow bump."""
     return replace(flight, nodes=np.array(nodes))
 
 
 FOUR = Scenario("four", (0, 0), (4, 0))
 
 
-def test_a_needle_between_the_samples_is_seen():
+def test_a_spike_between_the_samples_is_detected():
     assert certify(flat(), FOUR).holds()
-    needle = with_knots(flat(bump=0.02, at=0.4051, width=2e-4), [0.0, 1.0])
-    # 32 points of an interval see nothing of it: every value told there is well within the limits.
-    time = needle.duration * np.arange(1, 32) / 32
-    thrust, rate = needle.control(time).T
+    spike = with_knots(flat(bump=0.02, at=0.4051, width=2e-4), [0.0, 1.0])
+    # 32 points of an interval miss it: every sampled value is well within the limits.
+    time = spike.duration * np.arange(1, 32) / 32
+    thrust, rate = spike.control(time).T
     assert np.all((thrust < 19) & (thrust > 2) & (np.abs(rate) < 9))
-    assert constraint_violation(needle) == 0
-    certificate = certify(needle, FOUR)
+    assert constraint_violation(spike) == 0
+    certificate = certify(spike, FOUR)
     assert certificate.max_control_violation > 0.01
     assert not certificate.holds()
 
 
-def test_ranges_of_flat_flights_are_tight():
+def test_control_ranges_of_flat_flights_are_tight():
     flight = flat()
     controls = flight.control(np.linspace(0, flight.duration, 20001))
     least, greatest = control_range(flight)
@@ -160,7 +160,7 @@ def test_ranges_of_flat_flights_are_tight():
     assert np.hypot(least[0] - controls[:, 0].min(), greatest[0] - controls[:, 0].max()) < 1e-6
     assert greatest[1] == pytest.approx(np.abs(controls[:, 1]).max(), abs=1e-6)
     assert least[1] == -greatest[1]
-    # Reparametrised, the same kind of path is bounded through the composition.
+    # A reparametrised path is bounded through the composition.
     rested = flat(Resting(PolynomialPath(((0.0, 4.0), (0.0, 0.5, -0.5)))))
     controls = rested.control(np.linspace(0, rested.duration, 20001))
     least, greatest = control_range(rested)
@@ -180,8 +180,8 @@ def test_heights_and_distances_of_flat_flights_are_bounds():
     assert certify(flight, task).max_path_violation == pytest.approx(0.025, abs=1e-10)
 
 
-class Told:
-    """A flight that tells what another does and nothing of how."""
+class Opaque:
+    """A flight with the values of another one and without its class."""
 
     def __init__(self, flight):
         self.flight = flight
@@ -197,8 +197,8 @@ class Told:
         return self.flight.control(t)
 
 
-def test_of_an_unknown_flight_nothing_is_shown_between_instants():
-    certificate = certify(Told(solve_winding(SCENARIOS["horizontal-3"]).trajectory), SCENARIOS["horizontal-3"])
+def test_an_unknown_class_of_flight_has_no_bounds_between_instants():
+    certificate = certify(Opaque(solve_winding(SCENARIOS["horizontal-3"]).trajectory), SCENARIOS["horizontal-3"])
     assert certificate.max_control_violation == math.inf
     assert certificate.replay_error < 1e-8
     assert not certificate.holds()
@@ -206,7 +206,7 @@ def test_of_an_unknown_flight_nothing_is_shown_between_instants():
     assert certify(unknown, FOUR).max_control_violation == math.inf
 
 
-def test_singular_arcs_are_bounded_by_their_costate():
+def test_rates_on_singular_arcs_are_bounded_by_the_costate():
     flight = pontryagin(SCENARIOS["horizontal-6"]).trajectory
     rate = np.abs(flight.control(np.linspace(0, flight.duration, 20001))[:, 1]).max()
     assert control_range(flight)[1, 1] == pytest.approx(rate, rel=1e-12)
@@ -218,8 +218,8 @@ def test_singular_arcs_are_bounded_by_their_costate():
     assert certify(flight, SCENARIOS["horizontal-6"]).holds()
 
 
-def test_flights_with_long_arcs_are_cut_before_they_turn_round():
-    # One arc that turns four times: its heights are those of the arc, not of a chord.
+def test_long_arcs_are_divided_before_the_tilt_turns_round():
+    # One arc of four whole turns: its heights are those of the arc, not of a chord.
     q = Quadrotor()
     control = np.array([[15.0, 8 * math.pi / 3]])
     states = np.stack([np.zeros(5), q.step(np.zeros(5), control[0], 3.0)])
@@ -229,7 +229,7 @@ def test_flights_with_long_arcs_are_cut_before_they_turn_round():
     assert certify(flight, task).max_path_violation == pytest.approx(-1.0 - heights.min(), abs=1e-8)
 
 
-def test_a_trace_beyond_a_limit_is_too_much():
+def test_the_smallest_violation_beyond_rounding_is_rejected():
     scenario = SCENARIOS["horizontal-3"]
     flight = solve_winding(scenario).trajectory
     assert certify(flight, scenario).holds()

@@ -1,4 +1,4 @@
-"""Export gives back the very same numbers, under names with units, and refuses what is not a flight."""
+"""Export: numbers round-trip to the bit, columns have units, invalid files and flights are rejected."""
 
 import csv
 
@@ -26,7 +26,7 @@ def test_round_trip_is_exact(flight, tmp_path, ending):
     assert [path.name for path in tmp_path.iterdir()] == [f"flight{ending}"]
 
 
-def test_breakpoints_saved_are_the_whole_flight(flight, tmp_path):
+def test_a_flight_is_restored_from_its_breakpoints(flight, tmp_path):
     controls = np.append(flight.controls, flight.controls[-1:], axis=0)
     held = load(save(Samples(flight.breakpoints, flight.states, controls), tmp_path / "flight.csv"))
     again = Trajectory(held.time, held.state, held.control[:-1], flight.quadrotor)
@@ -35,13 +35,13 @@ def test_breakpoints_saved_are_the_whole_flight(flight, tmp_path):
     assert optimal.certify(again, SCENARIOS["horizontal-3"]).holds()
 
 
-def test_columns_bear_their_units(flight, tmp_path):
+def test_columns_have_units(flight, tmp_path):
     lines = list(csv.reader(save(flight.sample(0.1), tmp_path / "flight.csv").read_text().splitlines()))
     assert tuple(lines[0]) == COLUMNS
     assert float(lines[-1][0]) == flight.duration
 
 
-def test_a_failed_write_leaves_the_old_file(flight, tmp_path):
+def test_a_failed_write_keeps_the_old_file(flight, tmp_path):
     samples = flight.sample(0.1)
     path = save(samples, tmp_path / "flight.csv")
     before = path.read_text()
@@ -62,7 +62,7 @@ def test_a_failed_write_leaves_the_old_file(flight, tmp_path):
         ("flight.csv", ",".join(COLUMNS) + "\n", "at least one row"),
     ],
 )
-def test_what_is_not_a_flight_is_refused(tmp_path, name, content, words):
+def test_a_file_without_a_flight_is_rejected(tmp_path, name, content, words):
     path = tmp_path / name
     path.write_text(content)
     with pytest.raises(ValueError, match=words):

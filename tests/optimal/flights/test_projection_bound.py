@@ -1,4 +1,4 @@
-"""The projection bound is valid, has its closed forms, and judges the paper's (5, 5); hoops are passed in windows."""
+"""The projection bound is valid and has its closed forms; hoops are passed within their windows."""
 
 import math
 from dataclasses import replace
@@ -12,12 +12,12 @@ from optimal.flights.projection_bound import passing_windows, projection_bound
 
 
 def test_the_paper_printed_an_impossible_time():
-    # REFERENCES of the field agree on 1.4 s; the paper's 1.289 s is below what thrust alone allows.
+    # The literature agrees on 1.4 s; the paper's 1.289 s is below the bound of thrust alone.
     assert projection_bound(SCENARIOS["diagonal"]) == pytest.approx(1.2911, abs=1e-4)
     assert projection_bound(SCENARIOS["diagonal"]) > 1.289
 
 
-def test_never_above_a_flown_time(generator):
+def test_the_bound_is_below_every_flight_time(generator):
     for _ in range(6):
         goal = generator.uniform(-8, 8, 2)
         scenario = Scenario("somewhere", (0, 0), tuple(goal))
@@ -25,19 +25,19 @@ def test_never_above_a_flown_time(generator):
         assert projection_bound(scenario, Tolerance()) < projection_bound(scenario) < flown
 
 
-def test_it_grows_as_the_square_root_of_the_distance():
+def test_the_bound_is_proportional_to_the_square_root_of_the_distance():
     near, far = (projection_bound(Scenario("d", (0, 0), (d, d))) for d in (1.0, 4.0))
     assert far == pytest.approx(2 * near, rel=1e-12)
 
 
-def test_a_wider_tolerance_bounds_less():
+def test_a_larger_tolerance_lowers_the_bound():
     bounds = [projection_bound(SCENARIOS["hoop"], Tolerance(p, s)) for p, s in ((0.1, 0.2), (0.1, 2.0), (1.0, 2.0))]
     assert bounds[0] > bounds[1] > bounds[2] > 0
     tiny = projection_bound(SCENARIOS["hoop"], Tolerance(1e-9, 1e-9))
     assert tiny == pytest.approx(projection_bound(SCENARIOS["hoop"]), rel=1e-6)
 
 
-def test_no_way_takes_no_time():
+def test_no_displacement_takes_no_time():
     assert projection_bound(SCENARIOS["horizontal-3"], Tolerance(position=5.0)) == 0.0
     assert np.isfinite(projection_bound(SCENARIOS["drop"]))
 
@@ -53,7 +53,7 @@ def test_hoops_are_passed_within_their_windows(name, tolerant):
     for shot in flown:
         duration = shot.trajectory.duration
         times = shot.trajectory.breakpoints[np.cumsum(shot.steps)[:-1]]
-        # Whoever hovers before or after flies longer, and what can be said of longer flights is less.
+        # A flight that hovers before or after is longer, and the windows of longer flights are wider.
         for before, after in ((0.0, 0.0), (0.4, 0.0), (0.0, 0.4)):
             shares = (times + before) / (duration + before + after)
             for longest in (duration + before + after, 1.5 * (duration + 0.4)):
@@ -63,7 +63,7 @@ def test_hoops_are_passed_within_their_windows(name, tolerant):
 
 
 @pytest.mark.parametrize("name", ["hoop", "high-hoop", "slalom", "loop"])
-def test_windows_shrink_with_the_duration_and_widen_with_what_is_allowed(name):
+def test_windows_widen_with_duration_gap_and_tolerance(name):
     scenario = SCENARIOS[name]
     hoops = tuple(replace(hoop, diameter=hoop.diameter + 0.2) for hoop in scenario.hoops)
     body = replace(scenario, quadrotor=Quadrotor(radius=0.1))
@@ -89,16 +89,16 @@ def test_windows_shrink_with_the_duration_and_widen_with_what_is_allowed(name):
 def test_without_gravity_windows_have_a_closed_form():
     free = Quadrotor(thrust_min=0.0, thrust_max=16.0, gravity=0.0)
     scenario = Scenario("free", (0, 0), (10, 0), (Hoop(2.2, 0, 0.4), Hoop(6.2, 0, 0.4)), quadrotor=free)
-    # 2 m and 6 m from rest at 16 m/s^2, and 7.6 m and 3.6 m to rest.
+    # 2 m and 6 m from rest at 16 m/s^2; 7.6 m and 3.6 m to rest.
     (a, b), (c, d) = passing_windows(scenario, 2.0)
     assert (a, c) == pytest.approx((0.25, math.sqrt(0.75) / 2), rel=1e-6)
     assert (b, d) == pytest.approx((1 - math.sqrt(0.95) / 2, 1 - math.sqrt(0.45) / 2), rel=1e-6)
-    # Arriving at up to 2 m/s: v t - 8 t^2 covers what is left but for the tolerance.
+    # Arrival at up to 2 m/s: v t - 8 t^2 covers the remaining distance less the tolerance.
     left = 1 - passing_windows(scenario, 2.0, Tolerance(0.1, 2.0))[1][1]
     assert 2.0 * (2 * left) + 8 * (2 * left) ** 2 == pytest.approx(3.5, rel=1e-6)
 
 
-def test_a_mirrored_task_has_the_same_windows():
+def test_a_mirrored_scenario_has_the_same_windows():
     scenario = SCENARIOS["slalom"]
     hoops = tuple(replace(hoop, x=-hoop.x, angle=math.pi - hoop.angle) for hoop in scenario.hoops)
     there = replace(scenario, goal=(-scenario.goal[0], scenario.goal[1]), hoops=hoops)

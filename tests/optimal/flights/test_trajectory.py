@@ -1,4 +1,4 @@
-"""A trajectory agrees with itself: derivatives, breakpoints, samples."""
+"""Trajectories are consistent: derivatives, breakpoints, samples, shapes."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def test_it_starts_and_ends_at_rest(flight):
     np.testing.assert_allclose(flight.state(flight.duration), [6, 0, 0, 0, 0], atol=1e-8)
 
 
-def test_each_order_is_the_derivative_of_the_one_before(flight):
+def test_each_order_is_the_derivative_of_the_previous_one(flight):
     middle = (flight.breakpoints[:-1] + flight.breakpoints[1:]) / 2
     h = 1e-6
     for order in range(3):
@@ -31,7 +31,7 @@ def test_states_are_continuous_at_the_breakpoints(flight):
     np.testing.assert_allclose(before, flight.state(flight.breakpoints[1:-1]), atol=1e-8)
 
 
-def test_samples_end_at_the_end(flight):
+def test_samples_include_the_end(flight):
     samples = flight.sample(0.02)
     assert samples.time[0] == 0
     assert samples.time[-1] == flight.duration
@@ -48,7 +48,7 @@ def test_shapes_follow_the_times():
         assert still.state(np.full(shape, 0.5)).shape == (*shape, 5)
 
 
-def test_bad_questions_are_refused(flight):
+def test_invalid_arguments_are_rejected(flight):
     with pytest.raises(ValueError, match="order must be 0, 1, 2 or 3, got 4"):
         flight(0.0, order=4)
     with pytest.raises(ValueError, match="times must lie in"):
