@@ -99,10 +99,7 @@ def solve(
             or a gap or budget that is not positive.
     """
     task = scenario(problem)
-    if method not in METHODS:
-        near = difflib.get_close_matches(str(method), METHODS, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}{hint}")
+    _require_known(method)
     begun = time.perf_counter()
     if method == "flat":
         candidate = _flat(task, checks, intervals)
@@ -136,6 +133,13 @@ def solve(
     if raise_on_failure and status not in WITH_FLIGHT:
         raise SolveFailed(task, solution)
     return solution
+
+
+def _require_known(method: str) -> None:
+    if method not in METHODS:
+        near = difflib.get_close_matches(str(method), METHODS, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}{hint}")
 
 
 def _certified(task: Scenario, candidate: Candidate) -> tuple[Candidate, Certificate]:

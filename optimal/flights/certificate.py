@@ -30,7 +30,7 @@ from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Hoop, Scenario
 from optimal.flights.projection_bound import projection_bound
 from optimal.flights.replay import (
-    AGREEMENT,
+    REPLAY_TOLERANCE,
     converged_replay,
     hoop_crossings,
     path_violation,
@@ -94,15 +94,15 @@ class Certificate:
     gap: float = math.inf
 
     def holds(self) -> bool:
-        """Return whether the flight keeps every limit to TOLERANCE, and its replay and ends agree to AGREEMENT.
+        """Return whether the flight keeps every limit to TOLERANCE, and its replay and ends agree to REPLAY_TOLERANCE.
 
         A flight that is faster than its lower bound fails.
         """
         return (
             self.max_control_violation <= TOLERANCE
             and self.max_path_violation <= TOLERANCE
-            and self.replay_error <= AGREEMENT
-            and self.terminal_error <= AGREEMENT
+            and self.replay_error <= REPLAY_TOLERANCE
+            and self.terminal_error <= REPLAY_TOLERANCE
             and self.hoop_clearance >= -TOLERANCE
             and self.gap >= 0
         )
@@ -195,7 +195,7 @@ def claimed_clearance(flight: Flight, scenario: Scenario, hoop: Hoop, time: floa
     for _ in range(NEWTON_STEPS):
         offset, velocity = flight(time) - hoop.centre, flight(time, 1)
         along, speed = float(offset @ hoop.direction), float(velocity @ hoop.direction)
-        if speed <= 0 or not abs(along) <= AGREEMENT:
+        if speed <= 0 or not abs(along) <= REPLAY_TOLERANCE:
             return -math.inf
         if abs(along) <= CROSSING_TOLERANCE:
             return hoop.half_gap(scenario.quadrotor.radius) - abs(float(offset @ hoop.across))

@@ -16,7 +16,7 @@ from flatgym.quadrotor import Array, Quadrotor, nearest_turn
 from flatgym.scenarios.scenario import Scenario
 from optimal.flights.trajectory import Flight
 
-AGREEMENT = 1e-6
+REPLAY_TOLERANCE = 1e-6
 """Largest difference of a certified flight from its replay, and of its ends from rest [m, m/s, rad]."""
 MAX_TURN = 3.0
 """Largest rotation on one arc of a replay [rad]; the closed forms of `Arc` need less than a whole turn."""
@@ -82,10 +82,14 @@ def converged_replay(flight: Flight, scenario: Scenario) -> tuple[Array, Array, 
         ends = np.append(0, np.cumsum(parts))
         added = added_errors(replay[ends] - states[ends], time[ends])
         # An error that does not fall is not caused by the arcs: the flight does not follow its controls.
-        if np.abs(replay - states).max() <= AGREEMENT / 2 or added.max() > largest / 2 or parts.max() >= MAX_ARCS:
+        if (
+            np.abs(replay - states).max() <= REPLAY_TOLERANCE / 2
+            or added.max() > largest / 2
+            or parts.max() >= MAX_ARCS
+        ):
             break
         largest = added.max()
-        aim = min(AGREEMENT / 4 / math.sqrt(len(parts)), largest / MAX_REFINEMENT)
+        aim = min(REPLAY_TOLERANCE / 4 / math.sqrt(len(parts)), largest / MAX_REFINEMENT)
         parts = np.ceil(parts * np.clip(np.sqrt(added / aim), 1, MAX_REFINEMENT)).astype(np.intp)
     return states, replay, arcs
 
@@ -123,7 +127,7 @@ def hoop_crossings(arcs: Arc, scenario: Scenario) -> list[tuple[float, float]]:
             break
         aside = (rest[crossings].at(when[crossings])[:, 0:2] - hoop.centre) @ hoop.across
         clearance = hoop.half_gap(scenario.quadrotor.radius) - np.abs(aside)
-        chosen = int(np.argmax(clearance >= -AGREEMENT))
+        chosen = int(np.argmax(clearance >= -REPLAY_TOLERANCE))
         begin, after = begin + int(crossings[chosen]), float(when[crossings[chosen]])
         found.append((float(began[begin]) + after, float(clearance[chosen])))
     return found

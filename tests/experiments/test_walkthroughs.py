@@ -20,7 +20,7 @@ from experiments import walkthroughs
 from experiments.figures import Track
 from flatgym.scenarios.reference import reference
 from optimal.flights.certificate import TOLERANCE
-from optimal.flights.replay import AGREEMENT
+from optimal.flights.replay import REPLAY_TOLERANCE
 
 NAMES = ("control", "imitation", "reinforcement")
 SOURCES = {name: Path(walkthroughs.__path__[0], f"{name}.py").read_text(encoding="utf-8") for name in NAMES}
@@ -84,7 +84,7 @@ def test_control_solves_certifies_and_proves(left, capsys):
     certificate = solution.certificate
     assert certificate.max_control_violation <= TOLERANCE
     assert certificate.max_path_violation <= TOLERANCE
-    assert max(certificate.replay_error, certificate.terminal_error) <= AGREEMENT
+    assert max(certificate.replay_error, certificate.terminal_error) <= REPLAY_TOLERANCE
     assert certificate.hoop_clearance >= -TOLERANCE
     assert names["passes"].holds()
     assert not names["misses"].holds()
@@ -94,7 +94,7 @@ def test_control_solves_certifies_and_proves(left, capsys):
     assert best.lower_bound <= best.steps == names["info"]["steps"]
     table = pd.read_csv(folder / "window.csv")
     assert table["t_s"].iloc[-1] == solution.time
-    np.testing.assert_allclose(table[["x_m", "z_m"]].iloc[-1], solution.scenario.goal, atol=AGREEMENT)
+    np.testing.assert_allclose(table[["x_m", "z_m"]].iloc[-1], solution.scenario.goal, atol=REPLAY_TOLERANCE)
 
 
 def test_control_compares_roads_that_agree_and_a_hoop_is_never_free(left, capsys):
