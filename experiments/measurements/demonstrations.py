@@ -1,9 +1,9 @@
-"""The demonstrations' benchmark: how many flights a second, how good, and whether every one replays to the goal.
+"""Measurements of the demonstrations: flights per second, their quality, and whether each replays to the goal.
 
-    python -m experiments.measurements.demonstrations
+    flatquad measure demonstrations [SECTION]... [--quick] [--out FILE]
 
-Wall times count everything from the order to the dataset on disk: starting the workers, building their programs,
-keeping each flight in the store, flying all in the environment and writing them.
+Wall times include starting the workers, building their programs, storing each flight, replaying all flights in the
+environment, and writing the dataset.
 """
 
 from __future__ import annotations
@@ -12,42 +12,41 @@ import os
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from agents import demonstrations
-from agents.demonstrations.recording import Replay
+from agents.demonstrations.verification import Replay
 from experiments.files import Row
-from experiments.measurements import sections
 from experiments.measurements.sections import Advance, Section
 
 JOBS = 2
-GOALS, HOOPS, KNOCKED = 1000, 100, 200
-"""Flights to random goals, through random hoops, and to random goals with a continuation each."""
+GOALS, HOOPS, PERTURBED = 1000, 100, 200
+"""Flights of `random-goal`, of `random-hoops`, and of `random-goal` with one perturbed copy each."""
 
 
 def random_goal(quick: bool, advance: Advance) -> list[Row]:
-    """How many flights to random goals a second are planned and recorded, and do all of them replay?"""
-    return [measured("random-goal", 4 if quick else GOALS, 0, advance)]
+    """How many flights of `random-goal` a second are planned and recorded, and do all of them replay?"""
+    return [record_row("random-goal", 4 if quick else GOALS, 0, advance)]
 
 
 def random_hoops(quick: bool, advance: Advance) -> list[Row]:
-    """The same through random hoops."""
-    return [measured("random-hoops", 1 if quick else HOOPS, 0, advance)]
+    """The same for `random-hoops`."""
+    return [record_row("random-hoops", 1 if quick else HOOPS, 0, advance)]
 
 
-def continuations(quick: bool, advance: Advance) -> list[Row]:
-    """The same to random goals, each flight knocked off once on its way and planned anew."""
-    return [measured("random-goal", 2 if quick else KNOCKED, 1, advance)]
+def perturbed(quick: bool, advance: Advance) -> list[Row]:
+    """The same for `random-goal`, each flight also perturbed once and replanned."""
+    return [record_row("random-goal", 2 if quick else PERTURBED, 1, advance)]
 
 
-def measured(name: str, episodes: int, perturbed: int, advance: Advance) -> Row:
-    """Plan, record and replay in a folder of its own; return the figures."""
-    with _own_folder() as folder:
+def record_row(name: str, episodes: int, copies: int, advance: Advance) -> Row:
+    """Plan, record and replay flights in a temporary folder; return times and counts."""
+    with _temporary_datasets() as folder:
         begun = time.perf_counter()
         flights = demonstrations.plan(
-            name, episodes, perturbed=perturbed, jobs=JOBS, store=demonstrations.flights_folder(), progress=advance
+            name, episodes, perturbed=copies, jobs=JOBS, store=demonstrations.flights_folder(), progress=advance
         )
         planned = time.perf_counter()
         dataset = demonstrations.record(name, flights)
@@ -57,7 +56,7 @@ def measured(name: str, episodes: int, perturbed: int, advance: Advance) -> Row:
     return {
         "what": name,
         "flights": len(flights),
-        "continued": sum(one.options is not None for one in flights),
+        "perturbed": sum(one.options is not None for one in flights),
         "processes": JOBS,
         "planning_s": planned - begun,
         "recording_s": recorded - planned,
@@ -65,18 +64,18 @@ def measured(name: str, episodes: int, perturbed: int, advance: Advance) -> Row:
         "statuses": dict(Counter(one.flight.status.value for one in flights)),
         "proven": sum(one.flight.proven for one in flights) / len(flights),
         "mean_steps": sum(one.steps for one in flights) / len(flights),
-        "replayed_to_goal": sum(map(_succeeded, replays)) / len(flights),
+        "replayed_to_goal": sum(map(_reaches_goal, replays)) / len(flights),
         "bytes_per_flight": size / len(flights),
     }
 
 
-def _succeeded(replay: Replay) -> bool:
+def _reaches_goal(replay: Replay) -> bool:
     return replay.outcome == "goal" and replay.steps == replay.k_star
 
 
 @contextmanager
-def _own_folder() -> Iterator[Path]:
-    """Have Minari keep its datasets in a temporary folder for a while, so that nothing is found there already."""
+def _temporary_datasets() -> Iterator[Path]:
+    """Let Minari use a temporary folder, which holds no earlier datasets."""
     name = "MINARI_DATASETS_PATH"
     before = os.environ.get(name)
     with tempfile.TemporaryDirectory() as folder:
@@ -92,15 +91,6 @@ def _own_folder() -> Iterator[Path]:
 SECTIONS: dict[str, Section] = {
     "random-goal": random_goal,
     "random-hoops": random_hoops,
-    "continuations": continuations,
+    "perturbed": perturbed,
 }
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the script; see the module's docstring."""
-    out = Path("experiments/results/demos.json")
-    sections.main("experiments.measurements.demonstrations", __doc__ or "", SECTIONS, out, arguments)
-
-
-if __name__ == "__main__":
-    main()
+"""The sections by name."""
