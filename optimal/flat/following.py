@@ -17,7 +17,8 @@ from flatgym.quadrotor import Quadrotor
 from optimal.flat.planning import pose
 from optimal.flat.refinement import INTERVALS, optimise
 from optimal.flat.solution import FlatSolution
-from optimal.paths.curves import Path, Resting, require_regular
+from optimal.paths.curves import Path, Resting
+from optimal.paths.regularity import require_regular
 from optimal.systems import FlatSystem, PlanarQuadrotor
 
 

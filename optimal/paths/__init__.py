@@ -1,4 +1,13 @@
-"""Curves y(s), and the corridors between outer paths (paper, sections II-C and II-D)."""
+"""Curves y(s), and the corridors between outer paths (paper, sections II-C and II-D).
+
+chain_rule     derivatives of composed functions
+curves         polynomial, B-spline and Bezier paths with exact derivatives; rest at both ends
+regularity     paths that stand still between their ends are refused
+gates          the usable part of each hoop, and the legs between hoops
+centre_line    a curve from the start through the gates to the goal
+outer_paths    outer paths around the centre line, for any scenario
+corridors      `corridor` for any scenario, and the corridors printed in the paper
+"""
 
 from optimal.paths.curves import BezierPath, BSplinePath, Path, PolynomialPath, Resting
 

@@ -2,9 +2,9 @@
 
     d^n g(h(t)) / dt^n = sum over k of g^(k)(h(t)) B_nk(h', h'', ...),
 
-with the partial Bell polynomials B_nk = sum over i of binom(n-1, i-1) x_i B_(n-i)(k-1), B_00 = 1.
-A path travelled in time is such a composition (paper eqs. (6) and (9)), and so is a path run
-through by another coordinate. Numbers, arrays and symbols are treated alike.
+with the partial Bell polynomials B_nk = sum over i of binom(n-1, i-1) x_i B_(n-i)(k-1), B_00 = 1. A path travelled in
+time is such a composition (paper eqs. (6) and (9)), and so is a reparametrised path. The functions accept numbers,
+arrays and symbols.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from typing import Any
 
 
 def composed(outer: Sequence[Any], inner: Sequence[Any], order: int) -> Any:
-    """Return the derivative of g(h(t)) of that order.
+    """Return the derivative of g(h(t)) of the given order.
 
     Args:
         outer: g, g', g'', ... at h(t), at least up to the order.
-        inner: h', h'', ... at t, likewise.
-        order: 0 for the value.
+        inner: h', h'', ... at t, at least up to the order.
+        order: order of the derivative; 0 for the value.
     """
     if order == 0:
         return outer[0]

@@ -1,8 +1,8 @@
 """Corridors: outer paths y_1, ..., y_k between which a flight is planned, section II-D.
 
-A flight y(s) = sum p_i(s) y_i(s) with sum p_i = 1 and p_i >= 0 stays in the convex hull of the outer
-paths at its s, whatever the weights; so geometry is settled before the optimisation begins. The
-paper makes them by hand, `paper_corridor`; `corridor` makes them for any scenario (`optimal.paths.outer_paths`).
+A flight y(s) = sum p_i(s) y_i(s) with sum p_i = 1 and p_i >= 0 stays in the convex hull of the outer paths at every s,
+for any weights. Geometric constraints are therefore satisfied before the optimisation begins. The paper constructs its
+corridors by hand (`paper_corridor`). `corridor` constructs them for any scenario (`optimal.paths.outer_paths`).
 """
 
 from __future__ import annotations
@@ -16,23 +16,24 @@ from numpy.typing import ArrayLike
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
-from optimal.paths.curves import Path, PolynomialPath, require_regular, smoothstep
+from optimal.paths.curves import Path, PolynomialPath, smoothstep
 from optimal.paths.outer_paths import outer_paths
+from optimal.paths.regularity import require_regular
 
 _PRINTED = ((5.0, 5.0), (2.5, 2.5, 0.5, 0.0))
-"""The one hoop flight the paper prints: displacement; hoop x, z, diameter, angle, from the start."""
+"""The only hoop flight of the paper: displacement; x, z, diameter and angle of the hoop, relative to the start."""
 
 
 @dataclass(frozen=True, eq=False)
 class Corridor:
-    """Outer paths, and where between them a flight begins and ends.
+    """Outer paths, and the weights of start and goal.
 
     Attributes:
         paths: the outer paths y_1, ..., y_k, at rest (y' = 0) at both ends.
-        ends: the weights p_1, ..., p_k at s = 0 and at s = 1, which give start and goal, shape (2, k).
+        ends: the weights p_1, ..., p_k of start (s = 0) and goal (s = 1), shape (2, k).
 
     Raises:
-        ValueError: for fewer than two paths, or ends that are no weights of them.
+        ValueError: for fewer than two paths, or ends that are not weights.
     """
 
     paths: tuple[Path, ...]
@@ -50,13 +51,13 @@ class Corridor:
 
     @property
     def central(self) -> Path:
-        """The path from start to goal whose weights pass smoothly from one end's to the other's, section II-E."""
+        """The central path, section II-E: its weights blend smoothly from those of the start to those of the goal."""
         return _Blend(self)
 
 
 @dataclass(frozen=True, eq=False)
 class _Blend:
-    """The path sum p_i(s) y_i(s) of a corridor, p passing from end to end as the smoothstep of section III."""
+    """The path sum p_i(s) y_i(s) of a corridor, with weights blended by the smoothstep q(s) of section III."""
 
     corridor: Corridor
 
@@ -80,13 +81,13 @@ def end_weights(paths: tuple[Path, ...], start: ArrayLike, goal: ArrayLike) -> A
         start, goal: points, shape (n,).
 
     Raises:
-        ValueError: where a point does not lie between the paths.
+        ValueError: for a point that does not lie between the paths.
     """
     return np.stack([_weights(paths, 0.0, start), _weights(paths, 1.0, goal)])
 
 
 def _weights(paths: tuple[Path, ...], s: float, point: ArrayLike) -> Array:
-    # Of all weights that give the point the smallest, in least squares: the most central ones.
+    # The least-norm solution is the most central one.
     hull = np.stack([np.append(path(s), 1.0) for path in paths], axis=1)
     target = np.append(np.asarray(point, dtype=np.float64), 1.0)
     weights = np.linalg.lstsq(hull, target, rcond=None)[0]
@@ -100,29 +101,31 @@ def corridor(scenario: Scenario, count: int = 2) -> Corridor:
     """Return outer paths through all hoops of a scenario, within floor and ceiling everywhere.
 
     Args:
-        scenario: any; a body's radius is taken off the gaps, and it flies through them straight.
-        count: 2 for a rib across the way; 4 for a box along it, which covers more flights, but where
-            progress can be shared between b and the weights in many ways, which solvers find hard.
+        scenario: the scenario. The radius of the vehicle reduces the gaps, and a vehicle with a radius passes them in a
+            straight line.
+        count: 2 for a rib across the centre line, 4 for a box along it. A box covers more flights, but the same motion
+            can be represented by many combinations of b and weights, which is hard for solvers.
 
     Returns:
-        The corridor; its paths are four times continuously differentiable with y' = y'' = 0 at both ends.
+        The corridor. Its paths are four times continuously differentiable, with y' = y'' = 0 at both ends.
 
     Raises:
-        ValueError: for another count, or where no corridor exists, with the reason.
+        ValueError: for another count, or if no corridor exists, with the reason.
 
-    Source: section II-D, there by hand.
+    Source: section II-D, which constructs corridors by hand.
     """
     if count not in (2, 4):
         raise ValueError(f"count of outer paths must be 2 (a rib) or 4 (a box), got {count}")
     paths = outer_paths(scenario, count)
-    found = Corridor(paths, end_weights(paths, scenario.start, scenario.goal))
-    _require_central(scenario, found)
-    return found
+    result = Corridor(paths, end_weights(paths, scenario.start, scenario.goal))
+    _require_central(scenario, result)
+    return result
 
 
-def _require_central(scenario: Scenario, found: Corridor) -> None:
+def _require_central(scenario: Scenario, result: Corridor) -> None:
+    """Refuse a corridor whose central path stands still between its ends."""
     try:
-        require_regular(found.central)
+        require_regular(result.central)
     except ValueError as error:
         raise ValueError(
             f"no corridor for {scenario.name!r}: between floor {scenario.floor} and ceiling {scenario.ceiling} there "
@@ -140,20 +143,19 @@ def paper_corridor(scenario: Scenario) -> Corridor:
         general      -c                          and  z_T + c
         hoop         (x_T r(s) - 2.5)^2 + 2.75   and  -(x_T r(s) - 2.5)^2 + 2.25.
 
-    Misprint corrected: the paper prints the lower hoop path with -2.25, which lies 5 m below the
-    hoop; with +2.25 the two paths are 0.5 m apart at x = 2.5 m, which is the hoop. The constant c
-    is 0 m for (5, 5) m, as printed, and otherwise 1 m; floor and ceiling cut the corridor.
+    Misprint corrected: the paper prints the lower hoop path with -2.25, which lies 5 m below the hoop. With +2.25 the
+    two paths are 0.5 m apart at x = 2.5 m, which is the hoop. The constant c is 0 m for (5, 5) m, as printed, and 1 m
+    otherwise. Floor and ceiling cut the corridor.
 
     Args:
-        scenario: horizontal, ground or general displacement without hoops, or the paper's hoop.
+        scenario: a horizontal, ground or general displacement without hoops, or the paper's hoop.
 
     Raises:
-        ValueError: for a scenario the paper prints no paths for, saying why.
+        ValueError: for a scenario without printed paths, with the reason.
     """
     if reason := _unprinted(scenario):
         raise ValueError(
-            f"the paper prints no outer paths for {scenario.name!r}: {reason}; take those of "
-            "`optimal.paths.corridors.corridor`"
+            f"the paper prints no outer paths for {scenario.name!r}: {reason}; use `optimal.corridor` instead"
         )
     start, goal = np.array(scenario.start), np.array(scenario.goal)
     advance, climb = (goal - start).tolist()
@@ -175,7 +177,7 @@ def is_printed(scenario: Scenario) -> bool:
 
 
 def _unprinted(scenario: Scenario) -> str:
-    """Return why the paper prints no outer paths for a scenario, or nothing where it does."""
+    """Return why the paper prints no outer paths for a scenario; empty if it does."""
     start, goal = scenario.start, scenario.goal
     displacement = (goal[0] - start[0], goal[1] - start[1])
     if not scenario.hoops:

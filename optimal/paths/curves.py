@@ -1,17 +1,17 @@
 """Paths: curves y(s), s in [0, 1], with exact derivatives of any order, in any number of coordinates.
 
-Eqs. (6) and (9) project a flat system onto a path through the derivatives of y with respect to s,
-so a path answers one call, `path(s, order)`, shape (..., n): n = 2 for the planar quadrotor
-(x, z), n = 4 for the spatial one (x, y, z, yaw).
+Eqs. (6) and (9) project a flat system onto a path through the derivatives of y with respect to s. A path answers one
+call, `path(s, order)`, shape (..., n): n = 2 for the planar quadrotor (x, z), n = 4 for the full quadrotor
+(x, y, z, yaw).
 
-A flight from rest to rest needs y^(l) = 0 at both ends for l = 1, ..., beta - 1 (section II-E).
-`Resting` gives any curve that property by running through it as y(q(s)), where
+A flight from rest to rest needs y^(l) = 0 at both ends for l = 1, ..., beta - 1 (section II-E). `Resting` gives any
+curve this property by the reparametrisation y(q(s)), where
 
     q(s) = sum over j = n..2n-1 of binom(2n-1, j) s^j (1 - s)^(2n-1-j)
 
-is the smoothstep of degree 2n - 1, whose derivatives of orders 1 to n - 1 vanish at 0 and 1. With
-n = 3 this is the q(s), with n = 2 the r(s) of section III. Its derivatives follow from Faa di
-Bruno's formula (`optimal.paths.chain_rule`).
+is the smoothstep of degree 2n - 1. Its derivatives of orders 1 to n - 1 vanish at 0 and 1. It is the q(s) of section
+III for n = 3, and the r(s) for n = 2. The derivatives of y(q(s)) follow from Faa di Bruno's formula
+(`optimal.paths.chain_rule`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ from numpy.polynomial import Polynomial
 from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
-from scipy.optimize import minimize_scalar
 
 from flatgym.quadrotor import Array
 from optimal.paths.chain_rule import composed
@@ -34,24 +33,19 @@ from optimal.paths.chain_rule import composed
 Points = tuple[tuple[float, ...], ...]
 """Rows of finite numbers."""
 
-REGULARITY_SAMPLES = 2000
-"""How densely `require_regular` looks for points where a path stands still."""
-STANDSTILL = 1e-6
-"""The derivative that counts as none, relative to the largest one of the path."""
-
 
 class Path(Protocol):
-    """Whatever answers `path(s, order)` with positions and their exact derivatives, shape (..., n)."""
+    """A curve that answers `path(s, order)` with positions or exact derivatives, shape (..., n)."""
 
     def __call__(self, s: ArrayLike, order: int = 0) -> Array: ...
 
 
 @lru_cache(maxsize=16)
 def smoothstep(order: int) -> Polynomial:
-    """Return the polynomial of degree 2 order - 1 that rises from 0 to 1 and rests at both ends.
+    """Return the smoothstep: the polynomial of degree 2 order - 1 that rises from 0 to 1 with rest at both ends.
 
     Args:
-        order: its derivatives of orders 1 to order - 1 vanish at 0 and 1; 2 gives r(s), 3 gives q(s) of the paper.
+        order: derivatives of orders 1 to order - 1 vanish at 0 and 1; 2 gives the paper's r(s), 3 its q(s).
 
     Raises:
         ValueError: for an order below 1.
@@ -67,7 +61,7 @@ class PolynomialPath:
     """A path whose coordinates are polynomials of s.
 
     Attributes:
-        coefficients: one row for each coordinate, constant first; rows may differ in length.
+        coefficients: one row for each coordinate, constant term first; rows may differ in length.
 
     Raises:
         ValueError: for no coordinates, an empty row, or values that are not finite.
@@ -92,7 +86,7 @@ class PolynomialPath:
 
 @lru_cache(maxsize=256)
 def _derivative(coefficients: tuple[float, ...], order: int) -> Array:
-    """Return the coefficients of a polynomial's derivative, constant first."""
+    """Return the coefficients of a derivative of a polynomial, constant term first."""
     if order >= len(coefficients):
         return np.zeros(1)
     return np.asarray(polyder(coefficients, order), dtype=np.float64)
@@ -100,15 +94,15 @@ def _derivative(coefficients: tuple[float, ...], order: int) -> Array:
 
 @dataclass(frozen=True)
 class BSplinePath:
-    """A clamped B-spline: it stays in the convex hull of any degree + 1 consecutive control points.
+    """A clamped B-spline. Each of its pieces lies in the convex hull of degree + 1 consecutive control points.
 
     Attributes:
-        points: control points, m rows of n coordinates; the first and the last are its ends.
-        degree: of its polynomial pieces; derivatives below this order are continuous where knots are simple.
-        knots: m + degree + 1 values from 0 to 1, each end repeated degree + 1 times; by default evenly spaced.
+        points: control points, m rows of n coordinates; the first and the last are the ends of the path.
+        degree: degree of the polynomial pieces; derivatives below this order are continuous at simple knots.
+        knots: m + degree + 1 values from 0 to 1, each end repeated degree + 1 times; evenly spaced by default.
 
     Raises:
-        ValueError: for points or knots that describe no such spline.
+        ValueError: for points or knots that do not define a clamped B-spline.
     """
 
     points: Points
@@ -141,7 +135,7 @@ class BSplinePath:
         clamped = not knots[:ends].any() and (knots[-ends:] == 1).all() and ((inside > 0) & (inside < 1)).all()
         if not clamped or (np.diff(knots) < 0).any():
             raise ValueError(
-                f"BSplinePath.knots must not decrease, and stand {ends} times at 0 and at 1 only at the ends, "
+                f"BSplinePath.knots must not decrease, and must be 0 and 1 exactly {ends} times each, at the ends, "
                 f"got {self.knots}"
             )
 
@@ -154,7 +148,7 @@ class BSplinePath:
 
 @dataclass(frozen=True)
 class BezierPath:
-    """A Bezier curve, the B-spline without inner knots: y(s) = sum of binom(m, j) s^j (1 - s)^(m-j) P_j.
+    """A Bezier curve, which is the B-spline without inner knots: y(s) = sum of binom(m, j) s^j (1 - s)^(m-j) P_j.
 
     Attributes:
         points: control points P_0, ..., P_m, rows of n coordinates.
@@ -180,11 +174,11 @@ class BezierPath:
 
 @dataclass(frozen=True)
 class Resting:
-    """A curve left and reached at rest: y(q(s)), q the smoothstep.
+    """A curve reparametrised for rest at both ends: y(q(s)), q the smoothstep.
 
     Attributes:
         path: the curve y.
-        order: derivatives of orders 1 to order - 1 vanish at both ends.
+        order: derivatives of y(q(s)) of orders 1 to order - 1 vanish at both ends.
 
     Raises:
         ValueError: for an order below 1.
@@ -209,37 +203,6 @@ class Resting:
 def clamped_knots(count: int, degree: int) -> Array:
     """Return evenly spaced knots on [0, 1] for `count` control points, ends repeated degree + 1 times."""
     return np.concatenate([np.zeros(degree), np.linspace(0.0, 1.0, count - degree + 1), np.ones(degree)])
-
-
-def require_regular(path: Path) -> None:
-    """Refuse a path that stands still inside (0, 1), where its direction and eq. (6) are undefined.
-
-    Args:
-        path: resting at its ends is allowed.
-
-    Raises:
-        ValueError: naming the s at fault.
-    """
-
-    def speed(s: ArrayLike) -> Array:
-        return np.linalg.norm(path(s, 1), axis=-1)
-
-    s = np.linspace(0.0, 1.0, REGULARITY_SAMPLES + 1)
-    speeds = speed(s)
-    if not np.isfinite(speeds).all():
-        raise ValueError(f"the path's derivative is not finite at s = {s[~np.isfinite(speeds)][0]:.4g}")
-    least = STANDSTILL * speeds.max()
-    # Only where the derivative changes by its own length from one sample to the next can it vanish between them.
-    change = np.linalg.norm(path(s, 2), axis=-1) / REGULARITY_SAMPLES
-    suspect = speeds[1:-1] <= np.maximum(np.max([change[:-2], change[1:-1], change[2:]], axis=0), least)
-    for i in np.flatnonzero(suspect & (speeds[1:-1] <= speeds[:-2]) & (speeds[1:-1] <= speeds[2:])) + 1:
-        found = minimize_scalar(speed, bounds=(s[i - 1], s[i + 1]), method="bounded", options={"xatol": 1e-12})
-        if min(found.fun, speeds[i]) <= least:
-            at = s[i] if speeds[i] <= found.fun else found.x
-            raise ValueError(
-                f"the path is degenerate: its derivative vanishes at s = {at:.4g}, inside (0, 1), where it has no "
-                "direction; let it stand still only at its ends"
-            )
 
 
 def _require_order(order: int) -> None:

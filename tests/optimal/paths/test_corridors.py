@@ -12,8 +12,9 @@ from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenarios.catalogue import SCENARIOS
 from flatgym.scenarios.scenario import Hoop, Scenario
 from optimal.paths.corridors import Corridor, corridor, end_weights, paper_corridor
-from optimal.paths.curves import PolynomialPath, require_regular
-from optimal.paths.outer_paths import hoop_parameters
+from optimal.paths.curves import PolynomialPath
+from optimal.paths.gates import hoop_coordinates
+from optimal.paths.regularity import require_regular
 
 PRINTED = [*(name for name in SCENARIOS if name.startswith("horizontal")), "ground-6", "diagonal", "hoop"]
 S = np.linspace(0.0, 1.0, 401)
@@ -56,7 +57,7 @@ def test_outer_paths_keep_every_promise_whatever_the_weights(scenario: Scenario,
         np.testing.assert_allclose(positions(found, np.array([0.0, 1.0]), order), 0, atol=1e-8)
     np.testing.assert_allclose(found.ends[0] @ outer[0], scenario.start, atol=1e-9)
     np.testing.assert_allclose(found.ends[1] @ outer[-1], scenario.goal, atol=1e-9)
-    for hoop, s in zip(scenario.hoops, hoop_parameters(scenario), strict=True):
+    for hoop, s in zip(scenario.hoops, hoop_coordinates(scenario), strict=True):
         offset = positions(found, s) - hoop.centre
         np.testing.assert_allclose(offset @ hoop.direction, 0, atol=1e-9)
         assert np.abs(offset @ hoop.across).max() <= hoop.diameter / 2 - scenario.quadrotor.radius + 1e-9
@@ -76,7 +77,7 @@ def test_the_central_path_is_regular_and_leads_from_start_to_goal(scenario: Scen
 @pytest.mark.parametrize("count", [2, 4])
 def test_there_is_room_between_hoops(count: int) -> None:
     for scenario in SCENARIOS.values():
-        middles = np.convolve(np.concatenate([[0.0], hoop_parameters(scenario), [1.0]]), [0.5, 0.5], "valid")
+        middles = np.convolve(np.concatenate([[0.0], hoop_coordinates(scenario), [1.0]]), [0.5, 0.5], "valid")
         assert np.ptp(positions(corridor(scenario, count), middles), axis=1).max(axis=1).min() > 1.0
 
 

@@ -10,7 +10,8 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from flatgym.quadrotor import Array
-from optimal.paths.curves import BezierPath, BSplinePath, Path, PolynomialPath, Resting, require_regular, smoothstep
+from optimal.paths.curves import BezierPath, BSplinePath, Path, PolynomialPath, Resting, smoothstep
+from optimal.paths.regularity import require_regular
 
 POINTS = ((0.0, 0.0, 0.0, 1.0), (1.0, 3.0, -1.0, 0.0), (2.0, -1.0, 4.0, 0.5), (5.0, 1.0, 1.0, 2.0))
 """Four points of the spatial quadrotor's outputs x, y, z, yaw."""
