@@ -1,4 +1,9 @@
-"""Results on disk: written whole or not at all, and never lost because they cannot be read."""
+"""Results files: JSON with a schema number, written whole or not at all, and never lost if unreadable.
+
+Commands write into USER_RESULTS, below the working directory, because an installed package must not write into the
+folder it is installed in. PUBLISHED holds the results that ship with the package and that the README prints;
+`flatquad publish`, run in a clone, copies them from REPOSITORY_RESULTS.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +16,27 @@ from typing import Any
 from flatgym.files import free, write_text
 
 Row = dict[str, Any]
-"""A row of results, or a part of them, as JSON holds it."""
-SCHEMA = 1
-"""Version of the results files; a reader refuses another."""
+"""A row of results, or a part of it, as JSON holds it."""
+SCHEMA = 2
+"""Version of the results files; files of another version are refused."""
+ROOT = Path(__file__).resolve().parent.parent
+"""The repository, or the folder in which the packages are installed."""
+USER_RESULTS = Path("experiments/results")
+"""Where the commands write, relative to the working directory."""
+REPOSITORY_RESULTS = ROOT / "experiments" / "results"
+PUBLISHED = REPOSITORY_RESULTS / "published"
+"""The results that the README prints; they are part of the package."""
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write plain data as JSON; numbers that are not finite become null, as JSON has no word for them."""
+    """Write plain data as JSON; numbers that are not finite become null, because JSON cannot hold them."""
     write_text(path, json.dumps(plain(data), indent=1, allow_nan=False) + "\n")
 
 
-def read_json(path: Path) -> dict[str, Any] | None:
-    """Return what a results file holds; None where there is none, and where it is damaged or of another version.
+def read_json(path: Path) -> Row | None:
+    """Return the content of a results file, or None if it is missing, damaged or of another schema.
 
-    Such a file is set aside under another name, and standard error says which.
+    A file that cannot be read is moved aside under another name, which standard error states.
     """
     if not path.exists():
         return None
@@ -32,20 +44,38 @@ def read_json(path: Path) -> dict[str, Any] | None:
         data = json.loads(path.read_text(encoding="utf-8"))
         if isinstance(data, dict) and data.get("schema") == SCHEMA:
             return data
-        reason = (
-            f"has schema {data.get('schema')!r}, wanted {SCHEMA}" if isinstance(data, dict) else "is no JSON object"
-        )
+        reason = other_schema(data) if isinstance(data, dict) else "is not a JSON object"
     except (ValueError, OSError) as error:
         reason = f"is damaged ({error})"
-    print(f"{path} {reason}; set aside as {set_aside(path).name}", file=sys.stderr)
+    print(f"{path} {reason}; moved aside to {move_aside(path).name}", file=sys.stderr)
     return None
 
 
-def set_aside(path: Path) -> Path:
-    """Give a file another name, which is free, and return it."""
+def move_aside(path: Path) -> Path:
+    """Rename a file to a name that is free, and return its new path."""
     aside = free(path.with_name(f"{path.name}.set-aside"))
     path.replace(aside)
     return aside
+
+
+def published(name: str) -> Any:
+    """Return the content of a published results file.
+
+    Raises:
+        ValueError: if the file has another schema.
+    """
+    path = PUBLISHED / name
+    results = json.loads(path.read_text(encoding="utf-8"))
+    if results.get("schema") != SCHEMA:
+        raise ValueError(f"{path} {other_schema(results)}")
+    return results
+
+
+def other_schema(data: Row) -> str:
+    """Return what is wrong with a file of another schema, and how to replace it."""
+    command = str(data.get("command", ""))
+    again = f", `{command}`" if command.startswith("flatquad ") else ""
+    return f"has schema {data.get('schema')!r}, this version reads {SCHEMA}: run the command again{again}"
 
 
 def plain(data: Any) -> Any:
@@ -59,17 +89,3 @@ def plain(data: Any) -> Any:
     if isinstance(data, float) and not math.isfinite(data):
         return None
     return data
-
-
-ROOT = Path(__file__).resolve().parent.parent
-RESULTS = ROOT / "experiments" / "results"
-PUBLISHED = RESULTS / "published"
-
-
-def published(name: str) -> Any:
-    """Return a published results file; a ValueError names one of another version."""
-    path = PUBLISHED / name
-    results = json.loads(path.read_text(encoding="utf-8"))
-    if results.get("schema") != SCHEMA:
-        raise ValueError(f"{path} has schema {results.get('schema')!r}, this version reads {SCHEMA}: run it again")
-    return results

@@ -1,1 +1,1 @@
-"""The command `flatquad`, one file a command."""
+"""The command `flatquad`: one file for each sub-command, registered in `app`."""

@@ -1,6 +1,6 @@
-"""The command `flatquad`: a thin skin over the packages, a table or JSON for every answer.
+"""The command `flatquad`: each sub-command is a plain function in a module of its own, registered here.
 
-Exit status: 0 done, 1 failed (no certified flight, say), 2 bad arguments.
+Exit status: 0 done, 1 failed (such as no certified flight), 2 bad arguments.
 """
 
 from __future__ import annotations
@@ -8,11 +8,30 @@ from __future__ import annotations
 import sys
 
 import typer
-from rich.markup import escape
+from rich.text import Text
 
 import optimal
-from experiments.cli import benchmark, demos, evaluate, paper, play, problems, report, solve, train
+from experiments.cli import (
+    benchmark,
+    demos,
+    evaluate,
+    measure,
+    paper,
+    play,
+    pretrain,
+    problems,
+    publish,
+    report,
+    solve,
+    train,
+)
 from experiments.terminal import messages
+
+
+def reflow(text: str) -> str:
+    """Return a docstring with one line for each paragraph; Typer keeps the line breaks of all but the first."""
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
+
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -21,30 +40,37 @@ app = typer.Typer(
     rich_markup_mode="rich",
 )
 
-for name, call, examples in (
+for name, command, examples in (
     ("list", problems.list_problems, problems.EXAMPLES),
     ("solve", solve.solve, solve.EXAMPLES),
     ("paper", paper.paper, paper.EXAMPLES),
     ("demos", demos.demos, demos.EXAMPLES),
-    ("train", train.train, train.EXAMPLES),
+    ("train", train.train_policy, train.EXAMPLES),
     ("evaluate", evaluate.evaluate, evaluate.EXAMPLES),
     ("benchmark", benchmark.benchmark, benchmark.EXAMPLES),
     ("report", report.report, report.EXAMPLES),
     ("play", play.play, play.EXAMPLES),
+    ("pretrain", pretrain.pretrain, pretrain.EXAMPLES),
+    ("publish", publish.publish, publish.EXAMPLES),
 ):
-    app.command(name, epilog=examples)(call)
+    app.command(name, help=reflow(command.__doc__ or ""), epilog=examples)(command)
+app.add_typer(measure.app, name="measure", epilog=measure.EXAMPLES)
 
 
 def main() -> None:
-    """Run the command; turn what went wrong into a sentence and an exit status."""
+    """Run the command; an error becomes a sentence on standard error and an exit status."""
     try:
         app()
     except ValueError as error:
-        messages.print(f"[bold red]error:[/] {escape(str(error))}", highlight=False)
-        sys.exit(2)
+        fail("error: ", error, 2)
     except (optimal.SolveFailed, ImportError, OSError) as error:
-        messages.print(f"[bold red]failed:[/] {escape(str(error))}", highlight=False)
-        sys.exit(1)
+        fail("failed: ", error, 1)
+
+
+def fail(kind: str, error: Exception, status: int) -> None:
+    """Print an error and end the process."""
+    messages.print(Text.assemble((kind, "bold red"), str(error)))
+    sys.exit(status)
 
 
 if __name__ == "__main__":

@@ -1,72 +1,132 @@
-"""TODO experiments/cli/benchmark.py."""
+"""`flatquad benchmark`: train and score agents, and compare them with the optimum."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from experiments.cli.options import AsJson, Backend, Jobs, Timeout, Trust
-from experiments.terminal import RESULTS, command_line, messages, progress_bar, show
+from experiments.cli.options import AsJson, Backend, Jobs, Quick, Timeout, Trust
+from experiments.files import USER_RESULTS, Row, published
+from experiments.terminal import command_line, messages, paragraph, progress_bar, screen, show, table
 from flatgym.files import write_text
 
+if TYPE_CHECKING:
+    from experiments.benchmark.leaderboard import Leaderboard, LeaderboardRow
+
 EXAMPLES = (
-    "Example: flatquad benchmark; flatquad benchmark --full --only hoop random-goal/ppo; "
+    "Example: flatquad benchmark; flatquad benchmark --full --only hoop --only random-goal/ppo; "
     "flatquad benchmark --policy mine=my_policy.zip --trust"
 )
+FILES = {"quick": "benchmark", "full": "benchmark-full", "study": "learners"}
+"""Names of the results files, by suite."""
 
 
 def benchmark(
     full: Annotated[bool, typer.Option("--full", help="All scenarios, all agents, three seeds: hours.")] = False,
+    study: Annotated[
+        bool, typer.Option("--study", help="All agents on hoop and random-goal, three seeds: an hour or two.")
+    ] = False,
+    quick: Quick = False,
     only: Annotated[
-        list[str] | None, typer.Option(help="PROBLEM or PROBLEM/AGENT; may be given several times.")
+        list[str] | None,
+        typer.Option(help="PROBLEM or PROBLEM/AGENT; may be repeated.", show_default="the whole suite"),
+    ] = None,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Training runs of each learner.", show_default="of the suite")
     ] = None,
     policy: Annotated[
-        list[str] | None, typer.Option(help="NAME=ZIP or NAME=MODULE:OBJECT, an agent of yours; may be repeated.")
+        list[str] | None,
+        typer.Option(help="An agent of your own, NAME=ZIP or NAME=MODULE:OBJECT; may be repeated.", show_default=False),
     ] = None,
     trust: Trust = False,
     timeout: Timeout = 300.0,
     jobs: Jobs = -1,
     backend: Backend = "loky",
-    out: Annotated[Path, typer.Option(help="Folder for results, their cells, and the report.")] = RESULTS,
+    out: Annotated[Path, typer.Option(help="Folder of the results and the report.")] = USER_RESULTS,
     as_json: AsJson = False,
 ) -> None:
-    """Solve, demonstrate, train and score: how far from optimal are PPO and the others?
+    """Solve, demonstrate, train and score: how far from the optimum are PPO and other agents?
 
-    Minutes, or hours with --full. Each finished cell is a file of its own, so a killed run goes on where it was. At the
-    end stand a table, a JSON and a CSV file, and a page with plots and races.
+    It takes minutes, or hours with --full. Finished cells are skipped, so an interrupted run resumes and gives the same
+    result. The results are a table, a JSON and a CSV file, and a report page with plots and races.
     """
-    from experiments.benchmark.leaderboard import scores
+    from experiments.benchmark.leaderboard import Leaderboard, score_table
     from experiments.benchmark.run import run
-    from experiments.benchmark.submission import named
-    from experiments.benchmark.suite import SUITES
-    from experiments.files import published
+    from experiments.benchmark.submission import named_policies
+    from experiments.benchmark.suite import SMOKE_SUITE, SUITES
+    from experiments.recipes.run_spec import SMOKE
     from experiments.report.page import write
 
-    suite = SUITES["full" if full else "quick"]
-    suite = replace(suite, policies=named(policy or (), trust), timeout=timeout)
-    folder = out / ("benchmark-full" if full else "benchmark")
+    if full and study:
+        raise ValueError("--full and --study are two suites: give one of them")
+    name = "full" if full else "study" if study else "quick"
+    suite = replace(SUITES[name], policies=named_policies(policy or (), trust), timeout=timeout)
+    suite = replace(suite, seeds=seeds or suite.seeds)
+    if quick:
+        suite = replace(suite, name=SMOKE_SUITE, budget=SMOKE)
+    folder = out / (FILES[name] + ("-quick" if quick else ""))
     with progress_bar() as bar:
         results = run(suite, folder, command=command_line(), bar=bar, only=only or (), jobs=jobs, backend=backend)
         work = bar.add_task("report", total=1, note="")
-        table = scores(results)
-        write_text(out / f"{folder.name}.csv", table.to_csv(index=False))
-        page = write(out / "report.html", results, published("paper.json"))
+        leaderboard = Leaderboard.of(results)
+        scores = score_table(leaderboard)
+        write_text(out / f"{folder.name}.csv", scores.to_csv(index=False))
+        page = write(out / "report.html", results, published("paper.json"), leaderboard)
         bar.advance(work)
-    titles = {
-        "problem": "on",
-        "agent": "agent",
-        "success_rate": "success",
-        "gap": "gap",
-        "gap_low": "from",
-        "gap_high": "to",
-        "learning_s": "learning [s]",
-        "error": "error",
-    }
-    seen = table if as_json else table[table["condition"] == "calm"]
-    show(seen, as_json, "Scores, undisturbed: gap to K*, with its 95 % interval", titles)
+    if as_json:
+        show(scores, as_json)
+    else:
+        show_leaderboard(leaderboard, results)
     messages.print(f"results: {out.resolve()}\nreport: {page.resolve()}", soft_wrap=True)
     if any(cell.get("error") for cell in results["cells"]):
         raise typer.Exit(1)
+
+
+def show_leaderboard(leaderboard: Leaderboard, results: Row) -> None:
+    """Print the nominal scores of all agents, then the errors of those that failed."""
+    from experiments.benchmark.conditions import COMBINED, NOMINAL
+    from experiments.benchmark.formats import describe_disturbances
+
+    combined = {
+        (score.problem, score.agent): score.success for score in leaderboard.scores if score.condition == COMBINED
+    }
+    disturbances = results["conditions"][COMBINED]
+    head = ["task", "agent", "success", "gap to K*", "disturbed", "training time [s]"]
+    table(
+        "Success and gap to K*, the fewest steps possible",
+        head,
+        [leaderboard_cells(row, combined.get((row.problem, row.agent))) for row in leaderboard.rows],
+        optional=("training time [s]", "disturbed"),
+    )
+    paragraph(
+        f"Success and gap are for {NOMINAL} episodes, with 95 % bootstrap intervals where they vary; the gap is "
+        f"K / K* - 1 of successful episodes. Disturbed: success with {describe_disturbances(disturbances)}."
+    )
+    for row in leaderboard.rows:
+        for error in row.errors:
+            screen.print(f"failed: {row.problem}/{row.agent}, {error}", markup=False, style="red")
+
+
+def leaderboard_cells(row: LeaderboardRow, disturbed: float | None) -> Sequence[str]:
+    """Return an agent's row of the printed table."""
+    from experiments.benchmark.formats import format_gap, format_percent, format_success
+
+    if row.failed:
+        return [row.problem, row.name, "failed", "-", "-", "-"]
+    score = {
+        "success_rate": row.success, "success_low": row.success_low, "success_high": row.success_high,
+        "gap": row.gap, "gap_low": row.gap_low, "gap_high": row.gap_high,
+    }  # fmt: skip
+    time = f"{row.training_s:.0f}" if row.training_s else "-"
+    return [
+        row.problem,
+        row.name,
+        format_success(score),
+        format_gap(score),
+        "-" if disturbed is None else format_percent(disturbed),
+        time,
+    ]

@@ -1,4 +1,4 @@
-"""TODO experiments/cli/demos.py."""
+"""`flatquad demos`: optimal flights as a Minari dataset."""
 
 from __future__ import annotations
 
@@ -9,35 +9,39 @@ from typing import Annotated
 import pandas as pd
 import typer
 
-from experiments.cli.options import AsJson, Backend, Jobs, Problem
+from experiments.cli.options import AsJson, Backend, Jobs, ProblemName
 from experiments.terminal import messages, progress_bar, show
 
 EXAMPLES = "Example: flatquad demos hoop -n 8; flatquad demos random-goal -n 1000 --export goals.csv"
 
 
 def demos(
-    scenario: Problem,
-    number: Annotated[int, typer.Option("-n", "--number", min=1, help="How many flights from rest.")] = 8,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all that is drawn.")] = 0,
-    out: Annotated[str, typer.Option(help="Minari id of the dataset; by default named after the scenario.")] = "",
-    displaced: Annotated[
+    scenario: ProblemName,
+    number: Annotated[int, typer.Option("-n", "--number", min=1, help="Number of flights.")] = 8,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the starts, scenarios and perturbations.")] = 0,
+    out: Annotated[str, typer.Option(help="Minari id of the dataset.", show_default="named after the scenario")] = "",
+    start_spread: Annotated[
         float | None,
         typer.Option(
-            min=0.0, help="Greatest distance of a start from the scenario's own [m]; 0.5, or 0 for a distribution."
+            min=0.0,
+            help="Largest distance of a start from the scenario's own, in metres.",
+            show_default="0.5, or 0 for a distribution",
         ),
     ] = None,
     perturbed: Annotated[
-        int, typer.Option(min=0, help="How often each flight is also knocked off on its way and planned anew.")
+        int, typer.Option(min=0, help="Perturbed copies of each flight, replanned from the perturbed state.")
     ] = 0,
-    budget: Annotated[float, typer.Option(min=0.0, help="Time granted for each proof [s].")] = 0.0,
+    proof_time: Annotated[float, typer.Option(min=0.0, help="Time budget of each proof of K*, in seconds.")] = 0.0,
     jobs: Jobs = -1,
     backend: Backend = "loky",
-    export: Annotated[Path | None, typer.Option(help="Write the dataset to a .csv or .parquet file too.")] = None,
+    export: Annotated[
+        Path | None, typer.Option(help="Also write the dataset to a .csv or .parquet file.", show_default=False)
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Record fewest-steps flights as a Minari dataset.
+    """Record optimal (K*) flights as a Minari dataset.
 
-    Flights that are found are kept beside Minari's datasets, so that a run broken off goes on where it stopped.
+    Finished flights are stored beside Minari's datasets, so an interrupted run resumes.
     """
     from agents import demonstrations
     from agents.demonstrations.tables import check_export
@@ -47,28 +51,27 @@ def demos(
         check_export(export)
     with progress_bar() as bar:
         work = bar.add_task(f"demonstrations of {scenario}", total=number * (1 + perturbed), note="")
+        stored: list[int] = []  # number of flights of an interrupted run
 
-        found_before: list[int] = []  # flights of a run broken off
-
-        def planned(done: int, of: int) -> None:
-            if not found_before:
-                found_before.append(done - 1)
-            rate = (done - found_before[0]) / (time.perf_counter() - begun)
+        def progress(done: int, of: int) -> None:
+            if not stored:
+                stored.append(done - 1)
+            rate = (done - stored[0]) / (time.perf_counter() - begun)
             bar.update(work, completed=done, total=of, note=f"{rate:.1f} flights/s")
 
         flights = demonstrations.plan(
             scenario,
             number,
             seed,
-            spread=displaced,
+            spread=start_spread,
             perturbed=perturbed,
-            time_budget=budget,
+            time_budget=proof_time,
             jobs=jobs,
             backend=backend,
             store=demonstrations.flights_folder(),
-            progress=planned,
+            progress=progress,
         )
-        writing = bar.add_task(f"recorded as {name}", total=len(flights), note="")
+        writing = bar.add_task(f"recording {name}", total=len(flights), note="")
         dataset = demonstrations.record(
             scenario, flights, name, progress=lambda done, _: bar.update(writing, completed=done)
         )
@@ -81,4 +84,5 @@ def demos(
     }
     if export is not None:
         messages.print(f"table: {demonstrations.export(dataset, export)}", soft_wrap=True)
-    show(pd.DataFrame([row]), as_json, "Recorded")
+    titles = {"dataset": "dataset", "episodes": "episodes", "steps": "steps", "proven": "K* proven"}
+    show(pd.DataFrame([row]), as_json, "Recorded", titles | {"wall_time_s": "wall time [s]"})

@@ -1,10 +1,10 @@
-"""TODO experiments/cli/evaluate.py."""
+"""`flatquad evaluate`: the score of one policy."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import pandas as pd
 import typer
@@ -12,7 +12,8 @@ from rich.progress import Progress
 
 import flatgym
 from experiments.cli.options import AsJson, Timeout, Trust
-from experiments.terminal import command_line, messages, progress_bar, show
+from experiments.formats import percent
+from experiments.terminal import cell, command_line, messages, progress_bar, show, table
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.reference import EVALUATION_SEED
 
@@ -20,8 +21,9 @@ if TYPE_CHECKING:
     from experiments.benchmark.submission import Submission
 
 CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "flatquad"
-"""Where K* that had to be computed are kept, for the next time."""
-
+"""Folder of computed K*, which are reused."""
+COMPARED_WITH = ("pretrained", "expert", "open-loop", "pd")
+"""Agents beside the policy in its report."""
 EXAMPLES = (
     "Example: flatquad evaluate my_policy.zip --scenario hoop --trust --report mine.html; "
     "flatquad evaluate my_module:policy --scenario random-goal; flatquad evaluate --pretrained hoop"
@@ -30,88 +32,96 @@ EXAMPLES = (
 
 def evaluate(
     policy: Annotated[
-        str, typer.Argument(help="A policy's zip, whose code is run, so only with --trust; or module:object.")
+        str, typer.Argument(help="A policy's zip, which needs --trust; or module:object.", show_default=False)
     ] = "",
-    scenario: Annotated[str, typer.Option(help="Name of a scenario or distribution; `flatquad list` shows them.")] = "",
-    pretrained: Annotated[str, typer.Option(help="Name of a policy that came with the package.")] = "",
-    agent: Annotated[str, typer.Option(help="expert: a flight in K* steps with feedback; or pd: a cascade.")] = "",
-    episodes: Annotated[int, typer.Option(min=1, help="How many flights.")] = 100,
+    scenario: Annotated[
+        str, typer.Option(help="Name of a scenario or distribution.", show_default="the policy's own")
+    ] = "",
+    pretrained: Annotated[str, typer.Option(help="Name of a pretrained policy.", show_default=False)] = "",
+    agent: Annotated[
+        str, typer.Option(help="expert: LQR around a K* flight; or pd: cascaded PD controller.", show_default=False)
+    ] = "",
+    episodes: Annotated[int, typer.Option(min=1, help="Number of episodes.")] = 100,
     seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the first flight; trainings use smaller ones.")
+        int, typer.Option(min=0, help="Seed of the first episode; training uses smaller ones.")
     ] = EVALUATION_SEED,
     trust: Trust = False,
     timeout: Timeout = 300.0,
     report: Annotated[
-        Path | None, typer.Option(help="Also write a page with plots and a race, yours beside expert, PD and others.")
+        Path | None,
+        typer.Option(help="Also write a page that compares the policy with ours.", show_default=False),
     ] = None,
-    wind: Annotated[float, typer.Option(help="Greatest acceleration by the wind [m/s^2].")] = 0.0,
-    mass: Annotated[float, typer.Option(help="Greatest error of the mass, as a share.")] = 0.0,
-    thrust_gain: Annotated[float, typer.Option(help="Greatest error of the thrust, as a share.")] = 0.0,
-    action_delay: Annotated[int, typer.Option(help="Greatest delay of the actions [steps].")] = 0,
-    sensor_noise: Annotated[float, typer.Option(help="Standard deviation of what is measured [m, m/s, rad].")] = 0.0,
+    wind: Annotated[float, typer.Option(help="Largest acceleration by wind, in m/s².")] = 0.0,
+    mass: Annotated[float, typer.Option(help="Largest relative error of the mass.")] = 0.0,
+    thrust_gain: Annotated[float, typer.Option(help="Largest relative error of the thrust.")] = 0.0,
+    action_delay: Annotated[int, typer.Option(help="Largest delay of the actions, in steps.")] = 0,
+    sensor_noise: Annotated[
+        float, typer.Option(help="Standard deviation of the measured state, in m, m/s and rad.")
+    ] = 0.0,
     as_json: AsJson = False,
 ) -> None:
-    """Score a policy, yours or one of ours: success, steps, and the gap to K*, the fewest steps possible.
+    """Score a policy, yours or ours: success rate, steps, and the gap to K*, the fewest steps possible.
 
-    Yours is a zip of Stable-Baselines3, or anything with predict(observations) in a module. It flies in a process of
-    its own, so that it may crash or hang.
+    Your policy is a Stable-Baselines3 zip or any object with predict(observations). It runs in a process of its own and
+    may crash or hang.
     """
     from experiments.benchmark import submission
 
-    asked = submission.Submission(
+    submitted = submission.Submission(
         policy, pretrained, agent, scenario, trust, episodes, seed,
         flatgym.Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise),
     )  # fmt: skip
     with progress_bar() as bar:
-        bar.add_task("flying", total=None, note="")
-        rows = pd.DataFrame([submission.score(asked, CACHE, timeout) | {"command": command_line()}])
+        bar.add_task("episodes", total=None, note="")
+        row = submission.score(submitted, CACHE, timeout) | {"command": command_line()}
         if report is not None:
-            page = write_page(asked, report, command=command_line(), timeout=timeout, bar=bar)
-    titles = {
-        "scenario": "scenario",
-        "agent": "agent",
-        "episodes": "flights",
-        "success_rate": "success",
-        "steps": "steps",
-        "k_star": "K*",
-        "gap": "gap",
-        "outcomes": "outcomes",
-    }
-    if not as_json:
-        rows["outcomes"] = [", ".join(f"{word} {n}" for word, n in counts.items()) for counts in rows["outcomes"]]
-    show(rows, as_json, "Score", titles)
+            page = write_page(submitted, report, command=command_line(), timeout=timeout, bar=bar)
+    if as_json:
+        show(pd.DataFrame([row]), as_json)
+    else:
+        head = ["task", "agent", "episodes", "success", "steps", "K*", "gap to K*", "outcomes"]
+        table("Score", head, [score_cells(row)])
     if report is not None:
         messages.print(f"report: {page.resolve()}", soft_wrap=True)
 
 
-BESIDE = ("pretrained", "expert", "tape", "pd")
-"""Who flies beside a policy on its page."""
+def score_cells(row: dict[str, Any]) -> list[str]:
+    """Return the cells of a score."""
+    from experiments.benchmark.formats import format_percent
+
+    return [
+        *(cell(row[key]) for key in ("scenario", "agent", "episodes")),
+        format_percent(row["success_rate"]),
+        *("-" if pd.isna(row[key]) else f"{row[key]:.4g}" for key in ("steps", "k_star")),
+        "-" if pd.isna(row["gap"]) else percent(row["gap"], sign="+"),
+        ", ".join(f"{word} {count}" for word, count in row["outcomes"].items()),
+    ]
 
 
-def write_page(contest: Submission, path: Path, *, command: str, timeout: float, bar: Progress) -> Path:
-    """Write the report of a policy beside our agents on what it flies, undisturbed and disturbed.
+def write_page(submission: Submission, path: Path, *, command: str, timeout: float, bar: Progress) -> Path:
+    """Write the report of a policy beside our agents on its problem, nominal and disturbed.
 
     Args:
-        contest: who flies what.
+        submission: the policy and its problem.
         path: the page; results lie beside it in a folder of its name.
-        command: what the user typed.
+        command: the command line, for the record.
         timeout: as in `score`.
-        bar: shows how far the work is.
+        bar: shows the progress.
     """
-    from experiments.benchmark.results import merged, only
+    from experiments.benchmark.results import merge, only
     from experiments.benchmark.run import run
     from experiments.benchmark.suite import Suite, can_fly
     from experiments.files import published
     from experiments.report.page import write
 
-    problem = catalogue.problem(contest.problem).name
-    beside = tuple(agent for agent in BESIDE if can_fly(agent, problem) and agent != contest.name)
+    problem = catalogue.problem(submission.problem).name
+    others = tuple(agent for agent in COMPARED_WITH if can_fly(agent, problem) and agent != submission.name)
     suite = Suite(
-        "mine",
-        {problem: beside},
-        policies={contest.name: contest.policy} if contest.policy else {},
+        "submission",
+        {problem: others},
+        policies={submission.name: submission.policy} if submission.policy else {},
         timeout=timeout,
     )
     results = run(suite, path.with_suffix(""), command=command, bar=bar)
     known = only(problem, published("learners.json"))
-    return write(path, merged(results, known), published("paper.json"))
+    return write(path, merge(results, known), published("paper.json"))

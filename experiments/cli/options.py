@@ -1,17 +1,22 @@
-"""TODO experiments/cli/options.py."""
+"""Arguments and options that several commands share."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-Scenario = Annotated[str, typer.Argument(help="Name of a scenario; `flatquad list` shows them.", show_default=False)]
-Problem = Annotated[
+ScenarioName = Annotated[
+    str, typer.Argument(help="Name of a scenario; `flatquad list` shows them.", show_default=False)
+]
+ProblemName = Annotated[
     str, typer.Argument(help="Name of a scenario or distribution; `flatquad list` shows them.", show_default=False)
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
-Jobs = Annotated[int, typer.Option(help="Worker processes; -1 is one for each core.")]
-Backend = Annotated[str, typer.Option(help="loky: this machine, or ray: a Ray cluster.")]
-Trust = Annotated[bool, typer.Option("--trust", help="Load zips: I know who wrote them.")]
-Timeout = Annotated[float, typer.Option(min=1.0, help="How long the flights of a policy of yours may take [s].")]
+Jobs = Annotated[int, typer.Option(help="Worker processes; -1 uses all cores.")]
+Backend = Annotated[str, typer.Option(help="loky: processes of this machine; ray: a Ray cluster.")]
+Trust = Annotated[bool, typer.Option("--trust", help="Load policy zips from outside the package; they can run code.")]
+Timeout = Annotated[float, typer.Option(min=1.0, help="Time limit for the episodes of an external policy, in seconds.")]
+Quick = Annotated[bool, typer.Option("--quick", help="Small sizes, to see that everything runs.")]
+ResultsFile = Annotated[Path | None, typer.Option("--out", help="The JSON file to write.", show_default=False)]

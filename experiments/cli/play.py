@@ -1,4 +1,4 @@
-"""TODO experiments/cli/play.py."""
+"""`flatquad play`: the task by keyboard or gamepad."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ def play(
     scenario: Annotated[
         str, typer.Argument(help="Name of a scenario or distribution; `flatquad list` shows them.")
     ] = "hoop",
-    speed: Annotated[float, typer.Option(help="How fast time passes; 1 is real time, and too fast for most.")] = 0.25,
-    ghost: Annotated[bool, typer.Option(help="Fly against the best flight known.")] = True,
-    video: Annotated[Path | None, typer.Option(help="Write what is seen to an .mp4 or .gif file.")] = None,
+    speed: Annotated[float, typer.Option(help="Speed of the simulation relative to real time.")] = 0.25,
+    ghost: Annotated[bool, typer.Option(help="Show the best-known flight as a ghost.")] = True,
+    video: Annotated[
+        Path | None, typer.Option(help="Record a video, an .mp4 or .gif file.", show_default=False)
+    ] = None,
 ) -> None:
-    """Fly it yourself, with arrow keys or a gamepad, against the ghost of the best flight known.
+    """Fly the quadrotor by arrow keys or gamepad, against the ghost of the best-known flight.
 
-    Left and right turn, up and down are full and least thrust; with nothing held it hovers.
-    R flies again, space pauses, G hides the ghost, [ and ] change the speed, Q quits.
+    Left and right turn; up and down give full and least thrust; without a key it hovers. R restarts, space pauses,
+    G hides the ghost, [ and ] change the speed, Q quits.
     """
     from experiments.play import window
 

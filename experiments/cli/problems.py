@@ -1,44 +1,49 @@
-"""TODO experiments/cli/problems.py."""
+"""`flatquad list`: the named scenarios with their best-known solutions, and the distributions."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
+
 import pandas as pd
 
 import flatgym
 from experiments.cli.options import AsJson
 from experiments.cli.rows import distribution_row, scenario_row
-from experiments.terminal import screen, show
+from experiments.formats import lower_bound
+from experiments.terminal import cell, paragraph, show, table
 
 EXAMPLES = "Example: flatquad list --json"
 
 
 def list_problems(as_json: AsJson = False) -> None:
-    """List the named scenarios, with what is known of their optima, and the distributions of random ones."""
+    """List the named scenarios with their best-known solutions, and the distributions of random scenarios."""
     scenarios = [scenario_row(scenario) for scenario in flatgym.SCENARIOS.values()]
     distributions = [distribution_row(distribution) for distribution in flatgym.DISTRIBUTIONS.values()]
     if as_json:
-        # Whole numbers beside None stay whole as objects only.
+        # dtype object keeps whole numbers whole in columns that also hold None.
         show(pd.DataFrame([*scenarios, *distributions], dtype=object), as_json)
         return
-    titles = {
-        "scenario": "scenario",
-        "goal": "goal",
-        "hoops": "hoops",
-        "floor": "floor",
-        "time_s": "T* [s]",
-        "lower_bound_s": "bound",
-        "k_star": "K*",
-        "proven": "proven",
-    }
-    known = pd.DataFrame(scenarios)
-    known["time_s"] = known["time_s"].round(5)
-    known["lower_bound_s"] = np.floor(known["lower_bound_s"] * 1e5) / 1e5  # rounded upwards it would be none
-    show(known[list(titles)].rename(columns=titles), as_json, "Scenarios")
-    screen.print(
-        "T*: the fastest flight known, exactly rest to rest; none is faster than the bound. K*: the fewest environment "
-        "steps known, tolerance at the goal; proven if no flight takes fewer.\n",
-        markup=False,
+    head = ["scenario", "goal [m]", "hoops", "floor", "T* [s]", "lower bound", "K*", "proven"]
+    table("Scenarios", head, [known_solution(row) for row in scenarios], optional=("floor", "hoops"))
+    paragraph(
+        "T*: the best-known flight time, exactly from rest to rest; no flight is faster than the lower bound. "
+        "K*: the fewest environment steps known, with the tolerance at the goal; proven if no flight takes fewer."
     )
-    titles = {"scenario": "distribution", "goal": "goal, drawn for each episode", "hoops": "hoops"}
-    show(pd.DataFrame(distributions)[list(titles)].rename(columns=titles), as_json, "Distributions")
+    keys = ("scenario", "goal", "hoops")
+    table(
+        "Distributions", ["distribution", "goal, one for each episode", "hoops"],
+        [[cell(row[key]) for key in keys] for row in distributions],
+    )  # fmt: skip
+
+
+def known_solution(row: dict[str, Any]) -> list[str]:
+    """Return the cells of a scenario; the lower bound is rounded down."""
+    keys = ("scenario", "goal", "hoops", "floor")
+    time, bound = row["time_s"], row["lower_bound_s"]
+    return [
+        *(cell(row[key]) for key in keys),
+        "-" if time is None else f"{time:.5f}",
+        "-" if bound is None else lower_bound(bound),
+        cell(row["k_star"]),
+        "-" if row["proven"] is None else "yes" if row["proven"] else "no",
+    ]

@@ -1,4 +1,4 @@
-"""What `flatquad list` tells of scenarios and distributions, one row each, under the names of a solver's row."""
+"""Scenarios and distributions as rows of `flatquad list`, with the keys of a solver's row."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flatgym.scenarios.reference import reference
 
 
 def scenario_row(scenario: Scenario) -> dict[str, Any]:
-    """Return a named scenario and what is known of its optimum."""
+    """Return a named scenario and its best-known solution."""
     known = reference(scenario)
     return {
         "scenario": scenario.name,
@@ -28,7 +28,7 @@ def scenario_row(scenario: Scenario) -> dict[str, Any]:
 
 
 def distribution_row(distribution: Distribution) -> dict[str, Any]:
-    """Return a distribution under the same names; nothing is known of the optima of what it will draw."""
+    """Return a distribution under the same keys; the optima of its scenarios are None."""
     low, high = distribution.hoops
     return {
         "scenario": distribution.name,

@@ -1,4 +1,4 @@
-"""TODO experiments/cli/train.py."""
+"""`flatquad train`: reinforcement learning of one policy."""
 
 from __future__ import annotations
 
@@ -8,37 +8,40 @@ from typing import Annotated, Any
 import pandas as pd
 import typer
 
-from experiments.cli.options import AsJson, Problem
-from experiments.terminal import progress_bar, show, upright
+from experiments.cli.options import AsJson, ProblemName
+from experiments.terminal import progress_bar, show, vertical
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.reference import reference
 
 EXAMPLES = "Example: flatquad train hoop --seed 1 --folder runs/hoop-1; flatquad train random-goal --algorithm sac"
 
 
-def train(
-    scenario: Problem,
+def train_policy(
+    scenario: ProblemName,
     algorithm: Annotated[str, typer.Option(help="ppo, sac, td3 or tqc.")] = "ppo",
-    seed: Annotated[int, typer.Option(help="Seed of starts, network and exploration.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of initial states, network and exploration.")] = 0,
     seconds: Annotated[
-        float | None, typer.Option(help="Wall time after which training stops [s].", show_default="the algorithm's")
+        float | None,
+        typer.Option(help="Wall time after which training stops, in seconds.", show_default="of the algorithm"),
     ] = None,
     env_steps: Annotated[
-        int | None, typer.Option(help="Environment steps of the whole training.", show_default="the algorithm's")
+        int | None, typer.Option(help="Environment steps of the whole training.", show_default="of the algorithm")
     ] = None,
     policy: Annotated[
         str,
         typer.Option(
-            help="Policy to start from: a pretrained one, or a zip; code in it is run, so name only your own."
+            help="Policy to start from: the name of a pretrained one, or a zip of your own; a zip can run code.",
+            show_default=False,
         ),
     ] = "",
     folder: Annotated[
-        Path | None, typer.Option(help="Where all is written.", show_default="runs/ALGORITHM-SCENARIO-SEED")
+        Path | None,
+        typer.Option(help="Folder of the model and the checkpoints.", show_default="runs/ALGORITHM-SCENARIO-SEED"),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in the folder.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue from the checkpoint in the folder.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Train a policy, and keep the best one met; interrupted, it goes on with --resume as if nothing had happened."""
+    """Train a policy and save the best one; an interrupted training continues with --resume and ends the same."""
     from agents.training.configs import config_of
     from agents.training.train import train
 
@@ -74,4 +77,4 @@ def train(
         "wall_time_s": round(training.wall_time_s, 1),
         "model": str(training.model),
     }
-    show(pd.DataFrame([row], dtype=object) if as_json else upright(row), as_json, "Trained")
+    show(pd.DataFrame([row], dtype=object) if as_json else vertical(row), as_json, "Trained")

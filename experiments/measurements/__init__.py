@@ -1,1 +1,1 @@
-"""Is it fast, and is it right? Benchmarks of environments, solvers, proofs and demonstrations."""
+"""Measurements of speed and correctness: solvers, environments, demonstrations, best-known solutions."""

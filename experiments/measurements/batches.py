@@ -1,6 +1,6 @@
-"""The batches' part of the solvers' benchmark: how many scenarios a second, and how they ended.
+"""Measurements of batches: scenarios per second, and the statuses of their solutions.
 
-Each function answers one question in plain rows, as `experiments.measurements.solvers` wants its sections.
+The function is a section of `experiments.measurements.solvers`.
 """
 
 from __future__ import annotations
@@ -14,30 +14,30 @@ import numpy as np
 
 import optimal
 from experiments.files import Row
-from experiments.measurements.sections import Advance, random_goal
+from experiments.measurements.sections import Advance, uniform_goal
 
 JOBS = 2
 SOLVED, STEPPED = 1000, 200
-"""Random goals solved, and flown in the fewest steps."""
+"""Uniform goals solved for T*, and for K*."""
 
 
 def batch(quick: bool, advance: Advance) -> list[Row]:
-    """How many random goals a second are solved and certified, and flown in the fewest steps?
+    """How many uniform goals a second are solved and certified, and solved for K*?
 
-    Wall times count everything: starting the workers, building their programs, handing the answers back.
+    Wall times include starting the workers, building their programs and returning the answers.
     """
     sizes = {"solve_many": 4 if quick else SOLVED, "fewest_steps_many": 4 if quick else STEPPED}
     rows: list[Row] = []
     for name, size in sizes.items():
         generator, before = np.random.default_rng(11), sum(row["scenarios"] for row in rows)
-        goals = [random_goal(generator, i) for i in range(size)]
+        goals = [uniform_goal(generator, i) for i in range(size)]
 
-        def tell(done: int, _: int, before: int = before) -> None:
+        def count(done: int, _: int, before: int = before) -> None:
             advance(before + done, sum(sizes.values()))
 
         many: Callable[..., Sequence[Any]] = getattr(optimal, name)
         begun = time.perf_counter()
-        answers = many(goals, jobs=JOBS, progress=tell)
+        answers = many(goals, jobs=JOBS, progress=count)
         taken = time.perf_counter() - begun
         statuses = dict(Counter(answer.status.value for answer in answers))
         rows.append(

@@ -1,6 +1,6 @@
-"""The flat road's part of the solvers' benchmark: the paper's corridors, automatic ones, other systems, orders.
+"""Measurements of the flat and indirect methods: corridors, other flat systems, orders of convergence.
 
-Each function answers one question in plain rows, as `experiments.measurements.solvers` wants its sections.
+Each function with a parameter `advance` is a section of `experiments.measurements.solvers`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scipy.interpolate import make_interp_spline
 
 import optimal
 from experiments.files import Row
-from experiments.measurements.sections import Advance, convergence_order, random_goal
+from experiments.measurements.sections import Advance, convergence_order, uniform_goal
 from flatgym import SCENARIOS
 from flatgym.quadrotor import Array
 from optimal.flat.following import follow
@@ -42,16 +42,16 @@ PRINTED = (
     "hoop",
 )
 IN_THE_PAPERS_CORRIDOR = {"hoop": 1.41797}
-"""T* [s] where the corridor shuts out the optimum."""
+"""T* [s] within the paper's corridor, where it excludes the optimum."""
 FIRST_GRIDS = range(16, 61, 4)
-"""Intervals from which the paper's own start is tried."""
+"""Numbers of intervals on which the paper's own initial guess is tried."""
 GOOD = 5e-3
-"""How far above the best a flight may be, relatively, to count as found."""
+"""Largest relative gap to the best time that counts as the optimum found."""
 RUNS = 3
 
 
 def flat(quick: bool, advance: Advance) -> list[Row]:
-    """How near T* is the certified flat flight, how long does it take, and how often does the paper's start do?"""
+    """How close to T* is the certified flat flight, how long is the solve, how often does the paper's guess succeed?"""
     names, grids = (PRINTED[:1], (16, 32)) if quick else (PRINTED, tuple(FIRST_GRIDS))
     rows = []
     for i, name in enumerate(names):
@@ -104,10 +104,10 @@ def corridors(quick: bool, advance: Advance) -> list[Row]:
 
 
 def pontryagin(quick: bool, advance: Advance) -> list[Row]:
-    """Does the indirect road meet shooting, in named scenarios and at random goals?"""
+    """Does the indirect method agree with shooting, in named scenarios and at uniform goals?"""
     generator = np.random.default_rng(8)
     named = ["horizontal-3"] if quick else [*PRINTED[:5], "diagonal", "climb", "drop"]
-    tasks = [SCENARIOS[name] for name in named] + [random_goal(generator, i) for i in range(1 if quick else 20)]
+    tasks = [SCENARIOS[name] for name in named] + [uniform_goal(generator, i) for i in range(1 if quick else 20)]
     rows = []
     for i, task in enumerate(tasks):
         extremal, solution = fastest(task), optimal.solve(task, nodes=400, max_gap=None)
@@ -129,7 +129,7 @@ def pontryagin(quick: bool, advance: Advance) -> list[Row]:
 
 
 def systems(quick: bool, advance: Advance) -> list[Row]:
-    """Do other flat systems fly within their limits, and do their inputs, integrated, lead where they should?"""
+    """Do flights of other flat systems keep their limits, and do their integrated inputs reach the end state?"""
     cases: dict[str, Callable[[], FlatSolution]] = {
         "crane, lifting over": lambda: follow(PolynomialPath(((0.0, 3.0), (-3.0, 2.0, -2.0))), OverheadCrane()),
         "quadrotor in space, circle of 2 m": lambda: follow(circle(), FullQuadrotor()),
@@ -155,7 +155,7 @@ def systems(quick: bool, advance: Advance) -> list[Row]:
 
 
 def circle(radius: float = 2.0, points: int = 80) -> BSplinePath:
-    """Return a level circle for the quadrotor in space: x, y, z, yaw; a spline through so many of its points."""
+    """Return a level circle for the quadrotor in space (x, y, z, yaw), a spline through `points` of its points."""
     s = np.linspace(0.0, 1.0, points)
     rows = [np.sin(2 * np.pi * s), 1 - np.cos(2 * np.pi * s), 0 * s, 0 * s]
     spline = make_interp_spline(s, radius * np.stack(rows, axis=-1), k=5)
@@ -163,7 +163,7 @@ def circle(radius: float = 2.0, points: int = 80) -> BSplinePath:
 
 
 def around(goal: tuple[float, float, float], width: float = 1.5) -> list[PolynomialPath]:
-    """Return three outer paths along a displacement in space, a triangle of that radius [m] around it; yaw 0."""
+    """Return three outer paths with yaw 0 that start on a triangle of radius `width` [m] and end at the goal."""
     way = np.array(goal)
     aside = np.cross(way, [0.0, 0.0, 1.0])
     aside /= np.linalg.norm(aside)
@@ -177,10 +177,10 @@ def around(goal: tuple[float, float, float], width: float = 1.5) -> list[Polynom
 
 
 def replay_error(flight: FlatTrajectory) -> float:
-    """Return how far SciPy's DOP853, fed with the flight's inputs, ends from where the flight does.
+    """Return the largest difference between the flight's end state and SciPy's DOP853 run with its inputs.
 
-    Inputs are smooth between breakpoints and there read off a Chebyshev interpolant, which an
-    integrator can call often.
+    Between breakpoints the inputs are smooth. A Chebyshev interpolant replaces them, because the integrator calls them
+    often.
     """
     state: Array = flight.state(0.0)
     degree = 24
@@ -198,7 +198,7 @@ def replay_error(flight: FlatTrajectory) -> float:
 
 
 def flat_orders(quick: bool, advance: Advance) -> list[Row]:
-    """At which order does the flat transcription converge, before its limits are narrowed to certify it?"""
+    """At which order does the flat transcription converge, before its limits are tightened for the certificate?"""
     grids = (8, 16) if quick else (8, 12, 16, 24, INTERVALS)
     rows: list[Row] = []
     names = PRINTED[: 1 if quick else 2]

@@ -1,10 +1,10 @@
-"""Speeds by turns: who is compared plays in the same process, one after the other, round after round.
+"""Interleaved timing: all candidates run in one process, alternating for several rounds.
 
-A machine's speed drifts, so a ratio of two medians taken minutes apart says little. Here every player has the same
-time in each round, the order is turned round from round to round, and a ratio is the median of the ratios within the
-rounds. Actions are drawn before the clock runs, for all alike.
+A machine's speed drifts, and a ratio of two medians measured minutes apart is unreliable. Here each candidate has the
+same time in each round, the order is reversed from round to round, and a ratio is the median of the ratios within the
+rounds. Actions are sampled before the clock starts.
 
-Numba is not needed here, nor anything that needs it: the environments are also timed where it is missing.
+This module needs no numba, because the environments are also timed without it.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from typing import Any
 import gymnasium as gym
 
 POOL = 32
-"""Batches of actions drawn before the clock runs, then played in a circle."""
+"""Batches of actions that are sampled before the clock starts, then repeated."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """Who is timed.
+    """A candidate of a timing comparison.
 
     Attributes:
         what: environment or scenario.
-        num_envs: how many fly at once.
-        play: plays some steps, and returns how many these were, all environments counted.
+        num_envs: number of parallel environments.
+        play: runs some steps and returns their number, summed over all environments.
     """
 
     what: str
@@ -37,7 +37,7 @@ class Candidate:
 
 
 def batch(what: str, num_envs: int, **arguments: Any) -> Candidate:
-    """Return a batched environment as Gymnasium makes it, with random actions; `arguments` as in `gym.make_vec`."""
+    """Return a batched environment with random actions; `arguments` are those of `gym.make_vec`."""
     envs = gym.make_vec(num_envs=num_envs, vectorization_mode="vector_entry_point", **arguments)
     envs.action_space.seed(0)
     pool = [envs.action_space.sample() for _ in range(POOL)]
@@ -52,7 +52,7 @@ def batch(what: str, num_envs: int, **arguments: Any) -> Candidate:
 
 
 def single(what: str, **arguments: Any) -> Candidate:
-    """Return one environment in Gymnasium's own wrappers, with random actions and a reset after every end."""
+    """Return one environment in Gymnasium's default wrappers, with random actions and a reset after each episode."""
     env: gym.Env[Any, Any] = gym.make(**arguments)
     env.action_space.seed(0)
     pool = [env.action_space.sample() for _ in range(POOL**2)]
@@ -69,7 +69,7 @@ def single(what: str, **arguments: Any) -> Candidate:
 
 
 def rate(play: Callable[[], int], seconds: float) -> tuple[float, float]:
-    """Return steps per second over at least `seconds` and one call, and how many cores this process kept busy."""
+    """Return steps per second over at least `seconds` and one call, and the mean number of busy cores."""
     begun, worked, steps, taken = time.perf_counter(), time.process_time(), 0, 0.0
     while not steps or taken < seconds:
         steps += play()
@@ -78,43 +78,43 @@ def rate(play: Callable[[], int], seconds: float) -> tuple[float, float]:
 
 
 def interleaved(
-    players: Sequence[Candidate], rounds: int, seconds: float, advance: Callable[[int, int], None] = lambda *_: None
+    candidates: Sequence[Candidate], rounds: int, seconds: float, advance: Callable[[int, int], None] = lambda *_: None
 ) -> list[dict[str, Any]]:
-    """Time players by turns.
+    """Time candidates in alternating order.
 
     Args:
-        players: the first is the peer of the others.
-        rounds: turns of each; one call before them all is not timed, for what is done only once.
-        seconds: least time of a turn.
-        advance: called after each round with the rounds done and all there are.
+        candidates: the first is the baseline of the others.
+        rounds: number of timed runs of each; one run before the first round is not timed.
+        seconds: least time of a run [s].
+        advance: called after each round with the number of finished rounds, and of all.
 
     Returns:
-        A row for each player: what, num_envs, steps_per_s (the median of `rates`, one a round), cores, and ratio
-        to the peer.
+        A row for each candidate: what, num_envs, steps_per_s (the median of `rates`, one a round), cores, and ratio
+        to the baseline.
     """
-    taken: list[list[tuple[float, float]]] = [[] for _ in players]
-    for player in players:
-        player.play()
+    timed: list[list[tuple[float, float]]] = [[] for _ in candidates]
+    for candidate in candidates:
+        candidate.play()
     for i in range(rounds):
-        for j in list(range(len(players)))[:: 1 if i % 2 == 0 else -1]:
-            taken[j].append(rate(players[j].play, seconds))
+        for j in list(range(len(candidates)))[:: 1 if i % 2 == 0 else -1]:
+            timed[j].append(rate(candidates[j].play, seconds))
         advance(i + 1, rounds)
-    rows = [row(player, turns) for player, turns in zip(players, taken, strict=True)]
+    rows = [row(candidate, runs) for candidate, runs in zip(candidates, timed, strict=True)]
     return [each | {"ratio": ratio(each, rows[0])} for each in rows]
 
 
-def row(player: Candidate, turns: Sequence[tuple[float, float]]) -> dict[str, Any]:
-    """Return what a player's turns gave, each a rate and the cores it took."""
-    rates, cores = zip(*turns, strict=True)
+def row(candidate: Candidate, runs: Sequence[tuple[float, float]]) -> dict[str, Any]:
+    """Return the row of a candidate from its runs, each a rate and a number of busy cores."""
+    rates, cores = zip(*runs, strict=True)
     return {
-        "what": player.what,
-        "num_envs": player.num_envs,
+        "what": candidate.what,
+        "num_envs": candidate.num_envs,
         "steps_per_s": statistics.median(rates),
         "rates": list(rates),
         "cores": statistics.median(cores),
     }
 
 
-def ratio(mine: dict[str, Any], its: dict[str, Any]) -> float:
-    """Return how many times as fast one row is as another: the median of the ratios within the rounds."""
-    return statistics.median(a / b for a, b in zip(mine["rates"], its["rates"], strict=True))
+def ratio(ours: dict[str, Any], baseline: dict[str, Any]) -> float:
+    """Return the speed of one row relative to another: the median of the ratios within the rounds."""
+    return statistics.median(a / b for a, b in zip(ours["rates"], baseline["rates"], strict=True))

@@ -1,6 +1,6 @@
-"""The proofs' part of the solvers' benchmark: are the bounds valid, how close do they come, and how long do they take?
+"""Measurements of the proofs: validity and gap of the lower bounds, proofs of K*, wall times.
 
-Each function answers one question in plain rows, as `experiments.measurements.solvers` wants its sections.
+Each function with a parameter `advance` is a section of `experiments.measurements.solvers`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 import optimal
 from experiments.files import Row
-from experiments.measurements.sections import Advance, random_goal
+from experiments.measurements.sections import Advance, uniform_goal
 from flatgym import SCENARIOS, Quadrotor, Scenario
 from flatgym.envs.vector import FlatQuadVectorEnv
 from optimal import Certificate, FewestSteps, Trajectory, certify, prove
@@ -31,13 +31,13 @@ LIMITS = {
     "weak and quick to turn": Quadrotor(thrust_min=3.0, thrust_max=14.0, rate_max=20.0),
 }
 VALIDATED, GOALS, STEPPED = 300, 100, 200
-"""Random goals of each vehicle whose bound is held against flights, whose gap is told, and whose K* is proven."""
+"""Uniform goals: of each vehicle in `validity`, in `goal_bounds`, and in `goal_steps`."""
 CLOSE, BUDGET, LONG_BUDGET = 2e-4, 60.0, 600.0
-"""Gap asked for where hoops are at most one, and time granted, there and where hoops are more [s]."""
+"""Requested gap, time budget with at most one hoop [s], and time budget with more hoops [s]."""
 
 
 def in_parallel(ask: Callable[..., Row], tasks: Iterable[Sequence[Any]], advance: Advance) -> list[Row]:
-    """Return the rows of a question asked of all tasks, in their order."""
+    """Return `ask(*task)` of all tasks, in their order."""
     calls = [joblib.delayed(ask)(*task) for task in tasks]
     rows: list[Row] = []
     for row in joblib.Parallel(n_jobs=PROCESSES, return_as="generator")(calls):
@@ -47,14 +47,14 @@ def in_parallel(ask: Callable[..., Row], tasks: Iterable[Sequence[Any]], advance
 
 
 def proof_row(proof: Proof) -> Row:
-    """Return what a proof says, in plain words and numbers; `checked` is that it was computed again from its parts."""
+    """Return a proof as a row; `checked` states whether its exclusions were recomputed and hold."""
     return {
         "scenario": proof.scenario.name,
-        "flown_s": proof.flown,
+        "upper_bound_s": proof.flown,
         "lower_bound_s": proof.time,
         "gap": proof.gap,
         "verdict": proof.verdict.value,
-        "branches": len(proof.shown),
+        "branches": len(proof.excluded),
         "windings": len(windings(proof.scenario, proof.tolerance, proof.time)),
         "evaluations": proof.evaluations,
         "wall_time_s": proof.wall_time,
@@ -63,9 +63,9 @@ def proof_row(proof: Proof) -> Row:
 
 
 def bounds(quick: bool, advance: Advance) -> list[Row]:
-    """How close does the bound of each named scenario come, and how long does a gap of 0.1 % take? One after the other.
+    """How small is the gap of each named scenario, and how long does a gap of 0.1 % take?
 
-    The wall time to 0.1 % is that of a warm process, search and certificate aside.
+    Proofs run one after the other in a warm process. The wall time excludes search and certificate.
     """
     names = ["horizontal-3", "hoop"] if quick else list(SCENARIOS)
     prove("horizontal-3", max_gap=0.01)  # compiles the kernel, or loads it
@@ -82,9 +82,9 @@ def bounds(quick: bool, advance: Advance) -> list[Row]:
 
 
 def goal_bounds(quick: bool, advance: Advance) -> list[Row]:
-    """How close do the bounds of random goals come when 0.1 % is asked for? One row a goal, then one for all."""
+    """How small are the gaps of uniform goals if 0.1 % is requested? A row a goal, then a total."""
     generator = np.random.default_rng(5)
-    tasks = [(random_goal(generator, i),) for i in range(4 if quick else GOALS)]
+    tasks = [(uniform_goal(generator, i),) for i in range(4 if quick else GOALS)]
     rows = in_parallel(goal_bound, tasks, advance)
     gaps, times = [row["gap"] for row in rows], [row["wall_time_s"] for row in rows]
     total = {
@@ -101,25 +101,25 @@ def goal_bound(goal: Scenario) -> Row:
 
 
 def validity(quick: bool, advance: Advance) -> list[Row]:
-    """Is a bound ever above the time of a certified flight? Random goals, three vehicles; one row a vehicle.
+    """Is a bound ever above the time of a certified flight? Uniform goals, three vehicles; one row a vehicle.
 
-    The flights are the fastest of the front door, on the usual grid and on one of four times as many steps.
+    The flights are the fastest that `optimal.solve` finds on 100 and on 400 nodes.
     """
     generator, count = np.random.default_rng(23), 2 if quick else VALIDATED
-    goals = [random_goal(generator, i) for i in range(count)]
+    goals = [uniform_goal(generator, i) for i in range(count)]
     tasks = [(name, replace(goal, quadrotor=LIMITS[name])) for name in LIMITS for goal in goals]
-    tried = in_parallel(held_against_flights, tasks, advance)
+    compared = in_parallel(bound_and_flight, tasks, advance)
     rows = []
     for name in LIMITS:
-        mine = [row for row in tried if row["limits"] == name]
-        gaps = [row["gap"] for row in mine]
+        of_limits = [row for row in compared if row["limits"] == name]
+        gaps = [row["gap"] for row in of_limits]
         rows.append(
             {
                 "limits": name,
-                "goals": len(mine),
-                "flown": sum(np.isfinite(row["flown_s"]) for row in mine),
-                "above_a_flight": sum(row["lower_bound_s"] > row["flown_s"] for row in mine),
-                "checked": sum(row["checked"] for row in mine),
+                "goals": len(of_limits),
+                "certified": sum(np.isfinite(row["upper_bound_s"]) for row in of_limits),
+                "above_a_flight": sum(row["lower_bound_s"] > row["upper_bound_s"] for row in of_limits),
+                "checked": sum(row["checked"] for row in of_limits),
                 "least_gap": min(gaps),
                 "gap_median": statistics.median(gaps),
                 "gap_worst": max(gaps),
@@ -128,22 +128,22 @@ def validity(quick: bool, advance: Advance) -> list[Row]:
     return rows
 
 
-def held_against_flights(limits: str, goal: Scenario) -> Row:
-    """Return a bound, asked to come within 0.02 %, beside the fastest certified flight of the goal."""
+def bound_and_flight(limits: str, goal: Scenario) -> Row:
+    """Return the lower bound of a goal, with a requested gap of 0.02 %, and its fastest certified flight."""
     proof = prove(goal, max_gap=CLOSE, time_budget=2.0)
     times = [optimal.solve(goal, nodes=nodes, max_gap=None, raise_on_failure=False).time for nodes in (100, 400)]
     flown = min(times)
     return {
         "limits": limits,
         "lower_bound_s": proof.time,
-        "flown_s": flown,
+        "upper_bound_s": flown,
         "gap": flown / proof.time - 1,
         "checked": proof.check(),
     }
 
 
 def steps(quick: bool, advance: Advance) -> list[Row]:
-    """K* of each named scenario: proven, and replayed in both environments?"""
+    """Is K* of each named scenario proven, and does its flight replay in both environments?"""
     names = ["horizontal-3"] if quick else list(SCENARIOS)
     rows = []
     for i, name in enumerate(names):
@@ -157,7 +157,7 @@ def steps(quick: bool, advance: Advance) -> list[Row]:
 
 
 def steps_row(answer: FewestSteps) -> Row:
-    """Return what `fewest_steps` said."""
+    """Return the answer of `fewest_steps` as a row."""
     return {
         "scenario": answer.scenario.name,
         "k_star": answer.steps,
@@ -183,7 +183,7 @@ def replays(answer: FewestSteps) -> bool:
 
 
 def replays_batched(answer: FewestSteps) -> bool:
-    """Return the same of two copies in the batched environment."""
+    """Return the same for two copies in the batched environment."""
     envs = FlatQuadVectorEnv(2, scenario=answer.scenario)
     envs.reset(seed=0)
     ends = []
@@ -194,9 +194,9 @@ def replays_batched(answer: FewestSteps) -> bool:
 
 
 def goal_steps(quick: bool, advance: Advance) -> list[Row]:
-    """On how many random goals is K* proven, and how many steps are open on the others? The last row is for all."""
+    """Of how many uniform goals is K* proven, and how many steps are open for the others? The last row is a total."""
     generator = np.random.default_rng(11)
-    tasks = [(random_goal(generator, i),) for i in range(2 if quick else STEPPED)]
+    tasks = [(uniform_goal(generator, i),) for i in range(2 if quick else STEPPED)]
     rows = in_parallel(goal_step, tasks, advance)
     gaps = [row["gap_steps"] for row in rows]
     total = {"goals": len(rows), "proven": sum(row["proven"] for row in rows), "gap_steps_worst": max(gaps)}
@@ -215,7 +215,7 @@ def goal_step(goal: Scenario) -> Row:
 
 
 def broken(_: bool, advance: Advance) -> list[Row]:
-    """Does a flight broken in one way fail its certificate in the field that is for it, and only the true one pass?"""
+    """Does each kind of broken flight violate its own field of the certificate, and only the true one pass?"""
     names = ("true", *BREAKS)
     rows = []
     for i, name in enumerate(names):
@@ -224,55 +224,56 @@ def broken(_: bool, advance: Advance) -> list[Row]:
         assert isinstance(flight, Trajectory)
         certificate = certify(*BREAKS[name](flight, scenario)) if name != "true" else certify(flight, scenario)
         values = {field.name: getattr(certificate, field.name) for field in fields(Certificate)}
-        told = values.get(name)
-        rows.append({"broken": name, "scenario": scenario.name, "field": told, "holds": certificate.holds()})
+        rows.append(
+            {"broken": name, "scenario": scenario.name, "field": values.get(name), "holds": certificate.holds()}
+        )
         advance(i + 1, len(names))
     return rows
 
 
-def _stronger(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
+def _weaker_vehicle(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
     weaker = replace(scenario.quadrotor, thrust_max=scenario.quadrotor.thrust_max * (1 - 1e-8))
     return flight, replace(scenario, quadrotor=weaker)
 
 
-def _deeper(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
+def _lower_ceiling(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
     top = float(flight.state(np.linspace(0, flight.duration, 4001))[:, 1].max())
     return flight, replace(scenario, ceiling=top - 1e-6)
 
 
-def _told_otherwise(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
+def _moved_state(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
     states = flight.states.copy()
     states[len(states) // 2, 0] += 1e-5
     return replace(flight, states=states), scenario
 
 
-def _hurried(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
+def _faster_motion(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
     return replace(flight, breakpoints=flight.breakpoints * 0.8), scenario
 
 
-def _elsewhere(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
+def _moved_goal(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
     return flight, replace(scenario, goal=(scenario.goal[0] + 1e-5, scenario.goal[1]))
 
 
-def _narrower(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
+def _narrower_hoop(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
     hoop = scenario.hoops[0]
     aside = float(certify(flight, scenario).hoop_clearance)
     return flight, scenario.with_diameters([hoop.diameter - 2 * (aside + 1e-6)])
 
 
 BREAKS: dict[str, Callable[[Trajectory, Scenario], tuple[Trajectory, Scenario]]] = {
-    "max_control_violation": _stronger,
-    "max_path_violation": _deeper,
-    "replay_error": _told_otherwise,
-    "gap": _hurried,
-    "terminal_error": _elsewhere,
-    "hoop_clearance": _narrower,
+    "max_control_violation": _weaker_vehicle,
+    "max_path_violation": _lower_ceiling,
+    "replay_error": _moved_state,
+    "gap": _faster_motion,
+    "terminal_error": _moved_goal,
+    "hoop_clearance": _narrower_hoop,
 }
-"""How to break a flight, or to tighten the task that it is held against, by the field that must notice."""
+"""How to break a flight or to tighten its scenario, by the field of the certificate that must fail."""
 
 
 def warm(quick: bool, advance: Advance) -> list[Row]:
-    """How long do a warm solve of `hoop` with its certificate, and the proofs of named scenarios take? Medians."""
+    """How long are a warm solve of `hoop` with its certificate, and the proofs of named scenarios? Medians."""
     runs, free = 2 if quick else 15, [name for name, task in SCENARIOS.items() if not task.hoops]
     optimal.solve("hoop", max_gap=None)  # builds the programs
     taken = []

@@ -1,7 +1,8 @@
-"""A peer: the same free-time flight written in rockit, the general optimal-control toolbox of the paper's school.
+"""The baseline of the solver: the same free-time problem in rockit, a general optimal-control toolbox.
 
-Multiple shooting with one Runge-Kutta step per interval, Ipopt on expanded graphs, the same steps,
-tolerance and first guess as ours; what rockit builds it keeps, so that every solve but the first is warm.
+rockit comes from the university of the paper. Multiple shooting with one Runge-Kutta step per interval,
+Ipopt on expanded graphs, and the same steps, tolerance and initial guess as ours. rockit caches the program: every
+solve but the first is warm.
 """
 
 from __future__ import annotations
@@ -18,19 +19,19 @@ from optimal.direct.stages import Stages
 
 
 def rockit_solver(scenario: Scenario, nodes: int) -> Callable[[], tuple[float, int]]:
-    """Return a function that solves a scenario without hoops and heights, and returns T [s] and iterations.
+    """Return a function that solves a scenario without hoops and height limits; it returns T [s] and iterations.
 
     Args:
         scenario: start, goal and vehicle.
-        nodes: steps of the flight.
+        nodes: number of steps.
 
     Raises:
         ValueError: for a scenario with hoops, a floor or a ceiling.
     """
     if scenario.hoops or scenario.floor is not None or scenario.ceiling is not None:
-        raise ValueError(f"the peer flies from start to goal only, got {scenario.name!r} with hoops or heights")
+        raise ValueError(f"rockit solves scenarios without hoops, floor and ceiling, got {scenario.name!r}")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of its dependencies, on import
+        warnings.simplefilter("ignore")  # its dependencies warn on import
         from rockit import FreeTime, MultipleShooting, Ocp
     q, stages = scenario.quadrotor, Stages((nodes,))
     guess = first_guess(scenario, (nodes,), 0)

@@ -1,12 +1,12 @@
-"""What the benchmarks share: sections run and kept in one file, wall times, random goals, orders of convergence.
+"""Measurements: sections that are run and joined in one results file, and what the sections share.
 
-A benchmark is a table of sections. Each answers one question in plain rows; they make one JSON file with the versions
-and the machine, and each says by which command, when, and in how much time it came about.
+A section is a function that answers one question in plain rows. The results file of a measurement holds its sections
+with the machine and the versions. Each section states its command, date, commit and wall time, because sections can be
+run one at a time.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import statistics
 import subprocess
@@ -19,15 +19,14 @@ from typing import Any
 import numpy as np
 from rich.progress import Progress, TaskID
 
-from agents.evaluation.versions import versions
-from experiments.files import SCHEMA, Row, set_aside, write_json
-from experiments.provenance import machine, now
+from experiments.files import Row, move_aside, write_json
+from experiments.provenance import now, provenance
 from flatgym import Scenario
 
 Advance = Callable[[int, int], None]
-"""Called with what is done and what there is to do."""
+"""Progress callback: the number of finished parts, and of all parts."""
 Section = Callable[[bool, Advance], list[Row]]
-"""Answers one question; called with whether small sizes are enough, and with what to tell of the progress."""
+"""Returns the rows of a section; called with whether small sizes are enough, and with a progress callback."""
 
 REFERENCE_TIMES = {
     "horizontal-3": 0.8987,
@@ -41,15 +40,21 @@ REFERENCE_TIMES = {
     "climb": 1.30037,
 }
 """T* [s] found by other code and finer grids before this project."""
-REACH = 10.0
-"""Half the width of the square of random goals [m]."""
+HALF_WIDTH = 10.0
+"""Half the width of the square of uniform goals [m]."""
+LEAST_DISTANCE = 0.5
+"""Least distance of a uniform goal from the start [m]."""
 
 
-def random_goal(generator: np.random.Generator, number: int) -> Scenario:
-    """Draw a goal in the square around the start, at least half a metre away."""
+def uniform_goal(generator: np.random.Generator, number: int) -> Scenario:
+    """Return a scenario whose goal is uniform in the square around the start, at least LEAST_DISTANCE away.
+
+    These goals come from a NumPy generator. They are other scenarios than those of the distribution `random-goal`,
+    which has its own seeds.
+    """
     while True:
-        goal = generator.uniform(-REACH, REACH, 2)
-        if np.hypot(*goal) >= 0.5:
+        goal = generator.uniform(-HALF_WIDTH, HALF_WIDTH, 2)
+        if np.hypot(*goal) >= LEAST_DISTANCE:
             return Scenario(f"goal-{number}", (0.0, 0.0), (float(goal[0]), float(goal[1])))
 
 
@@ -58,9 +63,9 @@ def convergence_order(nodes: Sequence[int], errors: Any) -> float:
     return float(-np.polyfit(np.log(nodes), np.log(np.abs(errors)), 1)[0])
 
 
-def median(taken: Sequence[float]) -> Row:
-    """Return median, least and number of wall times [s]."""
-    return {"median_s": statistics.median(taken), "least_s": min(taken), "runs": len(taken)}
+def median(times: Sequence[float]) -> Row:
+    """Return median, minimum and number of wall times [s]."""
+    return {"median_s": statistics.median(times), "least_s": min(times), "runs": len(times)}
 
 
 def fresh_process(code: str) -> float:
@@ -70,73 +75,68 @@ def fresh_process(code: str) -> float:
     return time.perf_counter() - begun
 
 
-def run(sections: Mapping[str, Section], *, quick: bool, command: str, bar: Progress) -> Row:
-    """Run sections of a benchmark.
+def measure(sections: Mapping[str, Section], out: Path, *, smoke: bool, command: str, bar: Progress) -> Row:
+    """Run sections and write them into a results file, beside its other sections of the same kind.
 
     Args:
         sections: by name.
-        quick: small sizes, to see that everything runs.
-        command: what the user typed, for the record.
-        bar: shows how far the work is.
+        out: the results file.
+        smoke: use small sizes, to see that everything runs.
+        command: the command line, for the record.
+        bar: shows the progress.
 
     Returns:
-        What the results file holds.
+        The content of the results file.
     """
-    results: Row = {
-        "schema": SCHEMA,
-        "quick": quick,
-        "versions": versions(),
-        "machine": machine(),
-        "sections": {},
-    }
+    results = join(out, run(sections, smoke=smoke, command=command, bar=bar))
+    write_json(out, results)
+    return results
+
+
+def run(sections: Mapping[str, Section], *, smoke: bool, command: str, bar: Progress) -> Row:
+    """Run sections and return their rows with provenance; arguments as in `measure`."""
+    results = provenance(command) | {"smoke": smoke, "sections": {}}
     for name, section in sections.items():
-        task: TaskID = bar.add_task(name, total=None)
+        task: TaskID = bar.add_task(name, total=None, note="")
         begun = time.perf_counter()
-        rows = section(quick, lambda done, of, task=task: bar.update(task, completed=done, total=of))  # type: ignore[misc]
+        rows = section(smoke, lambda done, of, task=task: bar.update(task, completed=done, total=of))  # type: ignore[misc]
         results["sections"][name] = {
             "rows": rows,
             "command": command,
             "date": now(),
+            "commit": results["commit"],
             "wall_time_s": time.perf_counter() - begun,
         }
     return results
 
 
-def joined(path: Path, results: Row) -> Row:
-    """Return results with the other sections of a file of the same kind, versions and machine, if there is one."""
+SAME = ("schema", "smoke", "versions", "machine", "processor")
+"""Entries in which two results files agree if their sections may stand in one file."""
+
+
+def join(path: Path, results: Row) -> Row:
+    """Return results with the other sections of a results file, if it is of the same kind; else move it aside."""
     if not path.exists():
         return results
     try:
         before = json.loads(path.read_text(encoding="utf-8"))
-        alike = all(before[key] == results[key] for key in results if key != "sections")
+        alike = all(before[key] == results[key] for key in SAME)
     except (ValueError, TypeError, KeyError):
         alike = False
     if not alike:
-        aside = set_aside(path)
-        print(f"{path} is damaged, or of other versions, sizes or another machine; set aside as {aside.name}")
+        aside = move_aside(path)
+        reason = "is damaged, or of another schema, size, version or machine"
+        print(f"{path} {reason}; moved aside to {aside.name}", file=sys.stderr)
         return results
     return results | {"sections": before["sections"] | results["sections"]}
 
 
-def main(
-    module: str, purpose: str, sections: Mapping[str, Section], out: Path, arguments: Sequence[str] | None = None
-) -> None:
-    """Run a benchmark's script.
+def chosen(sections: Mapping[str, Section], names: Sequence[str]) -> dict[str, Section]:
+    """Return the sections of these names, or all if there are none.
 
-    Args:
-        module: its name, as one runs it by `python -m`.
-        purpose: its docstring; the first line is shown as help.
-        sections: all there are, by name.
-        out: the results file unless another is given.
-        arguments: of the command line; by default the process's own.
+    Raises:
+        ValueError: for an unknown name; it lists the known ones.
     """
-    parser = argparse.ArgumentParser(prog=f"python -m {module}", description=purpose.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=out, help="the JSON to write")
-    parser.add_argument("--quick", action="store_true", help="small sizes, to see that everything runs")
-    parser.add_argument("--section", nargs="+", choices=list(sections), default=list(sections), help="which to run")
-    given = parser.parse_args(arguments)
-    command = " ".join([f"python -m {module}", *(sys.argv[1:] if arguments is None else arguments)])
-    with Progress() as bar:
-        results = run({name: sections[name] for name in given.section}, quick=given.quick, command=command, bar=bar)
-    write_json(given.out, joined(given.out, results))
-    print(f"{', '.join(given.section)} written to {given.out}")
+    if unknown := [name for name in names if name not in sections]:
+        raise ValueError(f"unknown section {unknown[0]!r}; known: {', '.join(sections)}")
+    return {name: sections[name] for name in names or sections}

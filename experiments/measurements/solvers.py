@@ -1,24 +1,20 @@
-"""The solvers' own benchmark: right, from any start, at the promised order, and fast?
+"""Measurements of the solvers: correctness, convergence from random initial guesses, order, and speed.
 
-    python -m experiments.measurements.solvers [--out FILE] [--quick] [--section NAME ...]
+    flatquad measure solvers [SECTION]... [--quick] [--out FILE]
 
-Every section answers one question in plain rows, with command, date and wall time; they make one JSON file with
-the versions and the machine. Sections run one at a time join those in the file. A further section is a function in
-SECTIONS.
+A new section is a function in SECTIONS.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from pathlib import Path
 
 import joblib
 import numpy as np
 
 import optimal
 from experiments.files import Row
-from experiments.measurements import batches, flat, proofs, sections
+from experiments.measurements import batches, flat, proofs
 from experiments.measurements.rockit import rockit_solver
 from experiments.measurements.sections import (
     REFERENCE_TIMES,
@@ -27,7 +23,7 @@ from experiments.measurements.sections import (
     convergence_order,
     fresh_process,
     median,
-    random_goal,
+    uniform_goal,
 )
 from flatgym import SCENARIOS, Scenario
 from optimal.direct.multistart import AGREEMENT
@@ -35,20 +31,18 @@ from optimal.direct.program import NODES
 from optimal.direct.shooting import solve_winding
 
 GOALS, STARTS = 100, 10
-"""Random goals, and random starts for each."""
+"""Uniform goals, and random initial guesses of each."""
 ORDER_CASES = (("horizontal-6", 0), ("diagonal", 0), ("climb", 1))
 ORDER_NODES, FINEST = (25, 50, 100, 200, 400), 1600
 PROCESSES = 2
 
 
 def references(quick: bool, advance: Advance) -> list[Row]:
-    """Is every named scenario solved and certified, at the time known from elsewhere?"""
+    """Is every named scenario solved and certified, at the time known from other code?"""
     names = ["horizontal-3", "climb"] if quick else list(SCENARIOS)
     rows = []
     for i, name in enumerate(names):
-        optimal.solve(
-            name, max_gap=None, raise_on_failure=False
-        )  # builds the programs, so that the time told is that of a warm solve
+        optimal.solve(name, max_gap=None, raise_on_failure=False)  # builds the programs: the timed solve is warm
         row = optimal.solve(name, raise_on_failure=False).row()
         known = REFERENCE_TIMES.get(name)
         rows.append(row | {"reference_s": known, "deviation": row["time_s"] / known - 1 if known else None})
@@ -57,10 +51,10 @@ def references(quick: bool, advance: Advance) -> list[Row]:
 
 
 def starts(quick: bool, advance: Advance) -> list[Row]:
-    """How many random starts converge, and how many find the best time? One row a goal, then one for all."""
+    """How many random initial guesses converge, and how many find the best time? A row a goal, then a total."""
     goals, each = (3, 3) if quick else (GOALS, STARTS)
     generator = np.random.default_rng(0)
-    jobs = [joblib.delayed(starts_of)(random_goal(generator, i), each, seed=i) for i in range(goals)]
+    jobs = [joblib.delayed(starts_of)(uniform_goal(generator, i), each, seed=i) for i in range(goals)]
     rows: list[Row] = []
     for row in joblib.Parallel(n_jobs=PROCESSES, return_as="generator")(jobs):
         rows.append(row)
@@ -70,7 +64,7 @@ def starts(quick: bool, advance: Advance) -> list[Row]:
 
 
 def starts_of(scenario: Scenario, count: int, seed: int) -> Row:
-    """Solve a scenario by the front door, then its best winding from `count` random starts; all drawn, none plain."""
+    """Solve a scenario by `optimal.solve`, then its best winding from `count` random initial guesses."""
     solution = optimal.solve(scenario, max_gap=None, raise_on_failure=False)
     generator = np.random.default_rng((1, seed))
     shots = [solve_winding(scenario, solution.winding, generator=generator) for _ in range(count)]
@@ -106,19 +100,19 @@ def orders(quick: bool, advance: Advance) -> list[Row]:
 
 
 def speed(quick: bool, advance: Advance) -> list[Row]:
-    """How long does a warm solve take, ours and rockit's by turns, and how long does the import? Medians."""
+    """How long do a warm solve by shooting and by rockit, interleaved, and the import take? Medians."""
     runs, nodes, imports = (2, 10, 1) if quick else (30, NODES, 7)
     scenario = SCENARIOS["horizontal-6"]
-    peer = rockit_solver(scenario, nodes)
+    rockit = rockit_solver(scenario, nodes)
 
     def ours() -> tuple[float, int]:
         shot = solve_winding(scenario, nodes=nodes)
         return shot.trajectory.duration, shot.iterations
 
     rows: list[Row] = []
-    solvers = {"shooting": ours, "rockit": peer}
+    solvers = {"shooting": ours, "rockit": rockit}
     clock: dict[str, list[float]] = {name: [] for name in solvers}
-    answers = {name: solve() for name, solve in solvers.items()}  # the first solve builds
+    answers = {name: solve() for name, solve in solvers.items()}  # the first solve builds the program
     for i in range(runs):
         for name, solve in solvers.items():
             begun = time.perf_counter()
@@ -154,13 +148,4 @@ SECTIONS: dict[str, Section] = {
     "broken": proofs.broken,
     "warm": proofs.warm,
 }
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the script; see the module's docstring."""
-    out = Path("experiments/results/solvers.json")
-    sections.main("experiments.measurements.solvers", __doc__, SECTIONS, out, arguments)
-
-
-if __name__ == "__main__":
-    main()
+"""The sections by name."""

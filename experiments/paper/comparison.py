@@ -1,4 +1,4 @@
-"""TODO experiments/paper/comparison.py."""
+"""The flight times of one case: printed in the paper, by its transcription, and by each method within all limits."""
 
 from __future__ import annotations
 
@@ -24,11 +24,12 @@ COLUMNS = (
 
 
 def compare(name: str) -> dict[str, Any]:
-    """Return the row of one case, keyed by COLUMNS; a road that finds no certified flight leaves inf.
+    """Return the row of one case, keyed by COLUMNS.
 
-    None stands where there is nothing to be said: not printed, or not within a road's reach.
+    A time is inf where the method finds no certified flight. It is None where the paper prints none, or where the
+    method does not apply.
     """
-    # A bound holds for every road, so that it is proven once.
+    # The lower bound does not depend on the method: it is proven once, with the last solve.
     nodes = optimal.solve(name, method="flat", checks="nodes", max_gap=None, raise_on_failure=False)
     flat = optimal.solve(name, method="flat", max_gap=None, raise_on_failure=False)
     shooting = optimal.solve(name, max_gap=MAX_GAP, time_budget=TIME_BUDGET, raise_on_failure=False)

@@ -1,8 +1,8 @@
-"""The paper's Figs. 2 to 6 drawn from flights that keep all limits at all times.
+"""The paper's Figs. 2 to 6, drawn from flights that keep all limits at all times.
 
-Fig. 2 explains the idea, y_r(s) = p_1(s) y_1(s) + p_2(s) y_2(s) between outer paths y_1 and y_2; Figs. 3, 4
-and 5 show the vehicle in equal time steps, Fig. 6 the controls of the flight of Fig. 5. `judged` is not the
-paper's: it shows where its printed times lie between the impossible and the flown.
+Fig. 2 explains the idea, y_r(s) = p_1(s) y_1(s) + p_2(s) y_2(s) between outer paths y_1 and y_2. Figs. 3, 4
+and 5 show the vehicle in equal time steps, Fig. 6 the controls of the flight of Fig. 5. `verdict_figure` is ours: it
+shows the printed times and our certified times relative to the proven lower bound.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import plotly.graph_objects as go
 import optimal
 from experiments import figures
 from experiments.figures import COLOURS, FAINT, INK, OUTLINE, Track
-from experiments.paper.verdicts import verdicts
+from experiments.paper.verdicts import verdict_texts
 from flatgym import SCENARIOS
 from flatgym.quadrotor import Array
 from optimal.flights.solution import Solution
@@ -28,9 +28,9 @@ from optimal.paths.corridors import paper_corridor
 from optimal.paths.curves import BezierPath
 
 WIDTH = 900
-"""Of every figure [px]."""
+"""Width of every figure [px]."""
 MARGIN = 1.7
-"""Room for words beside the judged times [%]."""
+"""Space for labels beside the times of the verdict figure [%]."""
 MINUS = "\N{MINUS SIGN}"
 UPPER = BezierPath(((0.0, 1.6), (1.2, 3.0), (2.3, 1.9), (3.7, 0.7), (4.6, 3.1), (6.0, 2.8)))
 LOWER = BezierPath(((0.0, 0.7), (1.2, 0.6), (2.2, 1.4), (3.4, 0.7), (4.6, 0.1), (6.0, 1.6)))
@@ -39,21 +39,21 @@ WALLS = (
     ((-0.4, 3.5), (-0.4, 2.6), (1.8, 2.6), (2.6, 2.2), (3.4, 2.2), (4.2, 3.0), (6.4, 3.0), (6.4, 3.5)),
     ((-0.4, -0.1), (-0.4, 0.4), (1.2, 0.4), (2.0, 0.6), (2.8, 0.6), (3.6, 0.3), (6.4, 0.3), (6.4, -0.1)),
 )
-"""Its constrained environment: corners of the hatched areas [m]."""
+"""The constrained environment of Fig. 2: corners of the hatched areas [m]."""
 
 
 @lru_cache(maxsize=8)
 def solved(name: str, method: str) -> Solution:
-    """Return the solution of a case by one of the roads, once for all figures.
+    """Return the solution of a case by one of the methods; figures share it.
 
     Raises:
-        SolveFailed: where the road finds no certified flight.
+        SolveFailed: if the method finds no certified flight.
     """
     return optimal.solve(name, method=method)
 
 
 def track(name: str, method: str = "flat", words: str = "") -> Track:
-    """Return the flight of a case by one of the roads, to draw; its time stands behind the `words`."""
+    """Return the flight of a case by one of the methods, to draw; its label is `words` and the time."""
     solution = solved(name, method)
     return replace(figures.optimal_track(solution), name=f"{words}T = {solution.time:.4f} s")
 
@@ -128,7 +128,7 @@ def fig5() -> go.Figure:
 
 
 def fig6() -> go.Figure:
-    """Return the controls of the manoeuvre through the hoop, by the paper's road and by shooting."""
+    """Return the controls of the manoeuvre through the hoop, by the paper's method and by shooting."""
     tracks = [track("hoop", method, f"{method}, ") for method in ("flat", "shooting")]
     return _sized(figures.controls(SCENARIOS["hoop"].quadrotor, tracks, "Fig. 6: controls through the hoop"), 560)
 
@@ -144,18 +144,20 @@ FIGURES: dict[str, Draw] = {
 """The paper's figures by the names of their files."""
 
 
-def judged(rows: Sequence[Mapping[str, Any]]) -> go.Figure:
-    """Return where printed and flown times lie, in percent above the proven bound; below it nothing can be flown.
+def verdict_figure(rows: Sequence[Mapping[str, Any]]) -> go.Figure:
+    """Return printed and certified times in percent above the proven lower bound, below which no flight exists.
 
     Args:
-        rows: of `paper.judge`.
+        rows: of `paper.check_printed_time`.
     """
     table = pd.DataFrame(rows)
-    words, lines = verdicts(table), np.arange(len(table))
+    texts, lines = verdict_texts(table), np.arange(len(table))
     bound = table["lower_bound_s"].to_numpy(dtype=float)
-    printed, flown = (100 * (table[key].to_numpy(dtype=float) / bound - 1) for key in ("printed_s", "flown_s"))
+    printed, certified = (
+        100 * (table[key].to_numpy(dtype=float) / bound - 1) for key in ("printed_s", "upper_bound_s")
+    )
     top, bottom = -1.5, len(lines) - 0.4
-    left, right = np.nanmin([0, *printed]) - MARGIN, np.nanmax([*printed, *flown]) + MARGIN
+    left, right = np.nanmin([0, *printed]) - MARGIN, np.nanmax([*printed, *certified]) + MARGIN
     figure = go.Figure()
     figure.add_vrect(x0=left, x1=0, fillcolor=COLOURS[1], opacity=0.1, layer="below", line_width=0)
     _line(figure, np.array([[0, top], [0, bottom]]), "bound", {"color": INK, "width": 2})
@@ -163,39 +165,39 @@ def judged(rows: Sequence[Mapping[str, Any]]) -> go.Figure:
         _line(figure, np.array([[x, y], [0, y]]), "shortfall", {"color": COLOURS[1], "width": 3})
     for name, percent, colour, side, shift in (
         ("printed", printed, COLOURS[1], "right", -9),
-        ("flown", flown, COLOURS[0], "left", 9),
+        ("T* upper bound", certified, COLOURS[0], "left", 9),
     ):
         figure.add_scatter(
-            x=percent, y=lines, mode="markers", name=name, text=words[name] + " s", hoverinfo="name+text",
+            x=percent, y=lines, mode="markers", name=name, text=texts[name] + " s", hoverinfo="name+text",
             marker={"size": 10, "color": colour},
         )  # fmt: skip
-        for i in lines[np.isfinite(percent)]:  # not where no time is printed
+        for i in lines[np.isfinite(percent)]:  # NaN where no time is printed
             text = f"{percent[i]:+.2f} %".replace("-", MINUS)
             _note(figure, text, colour, x=percent[i], y=i, xanchor=side, xshift=shift)
     _note(figure, "impossible: faster than any flight", COLOURS[1], x=0, y=-1, xanchor="right", xshift=-9)
-    _columns(figure, words)
-    figure.update_xaxes(title="flight time above the proven bound [%]", range=[left, right], zeroline=False)
+    _columns(figure, texts)
+    figure.update_xaxes(title="flight time above the proven lower bound [%]", range=[left, right], zeroline=False)
     figure.update_yaxes(range=[bottom, top], showticklabels=False, showgrid=False, zeroline=False)
-    figures.layout(figure, "The paper judged: no flight is faster than the proven bound")
+    figures.layout(figure, "The paper's times against the proven lower bound")
     figure.update_layout(showlegend=False, margin={"l": 235, "r": 172, "t": 65})
     return _sized(figure, 153 + 38 * len(lines))
 
 
-def _columns(figure: go.Figure, words: pd.DataFrame) -> None:
-    """Write cases and times beside the lines of `judged`."""
-    for name, unit, colour, edge, side, shift in (
-        ("case", "", INK, 0, "left", -190),
-        ("printed", " [s]", COLOURS[1], 0, "right", -14),
-        ("bound", " [s]", INK, 1, "right", 74),
-        ("flown", " [s]", COLOURS[0], 1, "right", 150),
+def _columns(figure: go.Figure, texts: pd.DataFrame) -> None:
+    """Write cases and times beside the lines of `verdict_figure`."""
+    for column, heading, colour, edge, side, shift in (
+        ("case", "case", INK, 0, "left", -190),
+        ("printed", "printed [s]", COLOURS[1], 0, "right", -14),
+        ("lower bound", "bound [s]", INK, 1, "right", 74),
+        ("T* upper bound", "T* [s]", COLOURS[0], 1, "right", 150),
     ):
-        for y, text in enumerate([name + unit, *words[name]], start=-1):
+        for y, text in enumerate([heading, *texts[column]], start=-1):
             _note(figure, text, colour, x=edge, xref="paper", y=y, xanchor=side, xshift=shift)
 
 
 def pages(rows: Sequence[Mapping[str, Any]]) -> dict[str, Draw]:
-    """Return all figures by the names of their files; `rows` are those of `paper.judge`."""
-    return {**FIGURES, "judged": partial(judged, rows)}
+    """Return all figures by the names of their files; `rows` are those of `paper.check_printed_time`."""
+    return {**FIGURES, "verdicts": partial(verdict_figure, rows)}
 
 
 def write(pages: Mapping[str, Draw], folder: Path, progress: Callable[[], Any] = lambda: None) -> None:

@@ -1,4 +1,8 @@
-"""TODO experiments/paper/initialisation.py."""
+"""How easily each method is initialised: one solve from its default initial guess, without multi-start.
+
+The paper argues that its problem "can be initialized easily" (section II-E). For each method and case this module
+counts iterations, measures cold and warm solve times, and counts the grids on which the solve finds the optimum.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +23,12 @@ from optimal.flat.planning import plan
 from optimal.flat.refinement import INTERVALS
 from optimal.flights.trajectory import Flight
 from optimal.indirect.arcs import arcs_of
-from optimal.indirect.pontryagin import refine
+from optimal.indirect.pontryagin import solve_structure
 from optimal.paths.corridors import paper_corridor
 
 INITIALISATION_COLUMNS = (
     "scenario",
-    "road",
+    "method",
     "best_s",
     "iterations",
     "cold_s",
@@ -35,16 +39,16 @@ INITIALISATION_COLUMNS = (
 )
 
 INTERVAL_COUNTS = (20, 30, 40, 50, 60)
-"""Grids of the flat roads' plain starts."""
+"""Grid intervals of the flat methods' repeated solves."""
 NODE_COUNTS = (50, 75, 100, 150, 200)
-"""Grids of the plain starts of shooting, and of the direct solutions that Pontryagin's conditions begin from."""
+"""Grid nodes of the repeated shooting solves, and of the direct solutions that initialise the indirect method."""
 SUCCESS = 5e-3
-"""How much slower than the road's fastest a certified flight may be, relatively, to count as found."""
+"""Largest relative gap of a certified flight to the method's best that counts as the optimum found."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One solve from one plain start: whether the solver `converged`, its `iterations`, the `flight` or None."""
+    """One solve from the default guess: whether it `converged`, its `iterations`, the `flight` or None."""
 
     converged: bool
     iterations: int
@@ -52,50 +56,50 @@ class Run:
 
 
 def flat(scenario: Scenario, intervals: int, checks: str) -> Run:
-    """Solve eq. (10) from the slow start on the central path, section II-E."""
+    """Solve eq. (10) from the slow motion along the central path (section II-E)."""
     outer = paper_corridor(scenario)
     found = plan(outer.paths, scenario.quadrotor, ends=outer.ends, checks=checks, intervals=intervals)
     return Run(found.converged, found.iterations, found.trajectory)
 
 
 def shooting(scenario: Scenario, nodes: int) -> Run:
-    """Solve the shooting problem without a turn, from the straight line."""
+    """Solve the shooting problem with winding 0 from the straight line."""
     found = solve_winding(scenario, nodes=nodes)
     return Run(found.converged, found.iterations, found.trajectory if found.converged else None)
 
 
 def pontryagin(scenario: Scenario, nodes: int) -> Run:
-    """Solve Pontryagin's conditions with the arcs of the direct solution of `shooting`.
+    """Solve Pontryagin's conditions, initialised by the arcs of the direct solution of `shooting`.
 
-    Its iterations are the evaluations of the conditions, after the direct solution's.
+    `iterations` adds the direct solution's iterations and the evaluations of the conditions.
     """
     direct = solve_winding(scenario, nodes=nodes)
     if not direct.converged:
         return Run(False, direct.iterations, None)
-    found = refine(scenario, 0, *arcs_of(direct))
+    found = solve_structure(scenario, 0, *arcs_of(direct))
     return Run(found.converged, direct.iterations + found.evaluations, found.trajectory)
 
 
-ROADS: dict[str, tuple[Callable[[Scenario, int], Run], int, tuple[int, ...]]] = {
+METHODS: dict[str, tuple[Callable[[Scenario, int], Run], int, tuple[int, ...]]] = {
     "flat, nodes only": (partial(flat, checks="nodes"), INTERVALS, INTERVAL_COUNTS),
     "flat, certified": (partial(flat, checks="certified"), INTERVALS, INTERVAL_COUNTS),
     "shooting": (shooting, NODES, NODE_COUNTS),
     "pontryagin": (pontryagin, NODES, NODE_COUNTS),
 }
-"""The roads by name: one solve from a plain start, the grid on which it is timed, the grids of the starts."""
+"""The methods by name: one solve from the default guess, the grid that is timed, the grids of the repeated solves."""
 
 
-def initialisation_study(name: str, road: str) -> dict[str, Any]:
-    """Return how easily a road is travelled in one case, keyed by EASE_COLUMNS.
+def initialisation_study(name: str, method: str) -> dict[str, Any]:
+    """Return how easily a method is initialised in one case, keyed by INITIALISATION_COLUMNS.
 
-    A start has `succeeded` if its flight is certified in continuous time, and within SUCCESS of the
-    road's fastest; what holds at nodes only never does.
+    A solve has `succeeded` if its flight is certified in continuous time and within SUCCESS of the method's best.
+    A flight that keeps its limits at nodes only is never certified.
 
     Args:
         name: a case of PRINTED.
-        road: a key of ROADS.
+        method: a key of METHODS.
     """
-    scenario, (solve, size, sizes) = SCENARIOS[name], ROADS[road]
+    scenario, (solve, size, sizes) = SCENARIOS[name], METHODS[method]
     cold, _ = timed(lambda: solve(scenario, size))
     warm, run = timed(lambda: solve(scenario, size))
     runs = [solve(scenario, grid) for grid in sizes]
@@ -103,7 +107,7 @@ def initialisation_study(name: str, road: str) -> dict[str, Any]:
     best = min(times)
     return {
         "scenario": name,
-        "road": road,
+        "method": method,
         "best_s": best,
         "iterations": run.iterations,
         "cold_s": cold,
@@ -128,9 +132,9 @@ def timed(solve: Callable[[], Run]) -> tuple[float, Run]:
     return time.perf_counter() - begun, run
 
 
-def by_road(initialisation_study: pd.DataFrame) -> pd.DataFrame:
-    """Return the ease table with one row a road: cases, medians over them, and sums of starts."""
-    grouped = initialisation_study.groupby("road", sort=False)
+def medians_by_method(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return one row a method: the number of cases, medians over them, and sums of the repeated solves."""
+    grouped = rows.groupby("method", sort=False)
     medians, sums = ["iterations", "cold_s", "warm_s"], ["starts", "converged", "succeeded"]
     return pd.concat(
         [grouped.size().rename("cases"), grouped[medians].median(), grouped[sums].sum()], axis=1

@@ -1,4 +1,4 @@
-"""TODO experiments/paper/printed.py."""
+"""The flight times that the paper prints, for itself and for its reference [8], and what rounding allows."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PONTRYAGIN: dict[str, str] = {
 }
 """Flight times of the paper's reference [8] as the paper prints them [s], with these digits."""
 MAX_GAP, TIME_BUDGET = 2e-4, 30.0
-"""How close to the fastest flight the lower bounds are to come, relatively, and the time granted for each [s]."""
+"""Relative gap at which the proof of a lower bound stops, and its time budget [s]."""
 
 
 def seconds(printed: str | None) -> float | None:
@@ -35,16 +35,16 @@ def seconds(printed: str | None) -> float | None:
 
 
 def rounded_up(printed: str) -> float:
-    """Return the longest time that is printed so [s]: half a unit of the last digit more."""
+    """Return the longest time that rounds to the printed one [s]: half a unit of the last digit more."""
     return float(printed) + 0.5 * 10.0 ** -len(printed.partition(".")[2])
 
 
 def impossible(printed: str | None, bound: float) -> bool | None:
-    """Return whether every time that is printed so lies below a lower bound [s]; None where none is printed."""
+    """Return whether every time that rounds to the printed one is below a lower bound [s]; None if none is printed."""
     return None if printed is None else rounded_up(printed) < bound
 
 
 def in_free_space(name: str) -> bool:
-    """Return whether a case has neither hoops nor floor nor ceiling, as Pontryagin's conditions need it."""
+    """Return whether a case has no hoops, floor or ceiling; the indirect method requires this."""
     scenario = SCENARIOS[name]
     return not scenario.hoops and scenario.floor is None and scenario.ceiling is None

@@ -1,35 +1,35 @@
-"""TODO experiments/publishing/demonstrations.py."""
+"""The table of the demonstrations, from `demos.json`: recording speed, quality, and replays."""
 
 from __future__ import annotations
 
-from textwrap import fill
-
-from experiments.benchmark.formats import rounded
+from experiments.benchmark.formats import format_percent
 from experiments.files import Row
-from experiments.publishing.learners import WIDTH
-from experiments.publishing.markdown import markdown
+from experiments.provenance import provenance_sentence
+from experiments.publishing.markdown import markdown, paragraph
+
+HEAD = ["section", "flights", "flights/s", "K* proven", "mean steps", "replayed to goal", "kB per flight"]
 
 
 def demos(results: Row) -> str:
-    """Return how fast demonstrations are made, and how many replay to the goal in as many steps."""
-    head = ["section", "flights", "flights a second", "K* proven", "mean steps", "replayed to goal", "kB a flight"]
+    """Return how fast demonstrations are recorded, and how many replay to the goal in as many steps."""
+    sections = results["sections"]
     rows = [
         [
             f"{name}, `{row['what']}`" if name != row["what"] else f"`{name}`",
             f"{row['flights']:,}",
             f"{row['per_second']:.1f}",
-            rounded(row["proven"]),
+            format_percent(row["proven"]),
             f"{row['mean_steps']:.1f}",
-            rounded(row["replayed_to_goal"]),
+            format_percent(row["replayed_to_goal"]),
             f"{row['bytes_per_flight'] / 1e3:.1f}",
         ]
-        for name, section in results["sections"].items()
+        for name, section in sections.items()
         for row in section["rows"]
     ]
-    processes = max(row["processes"] for section in results["sections"].values() for row in section["rows"])
-    dates = " and ".join(sorted({section["date"][:10] for section in results["sections"].values()}))
-    note = (
-        f"`python -m experiments.measurements.demonstrations` with {processes} processes, {dates}: from the order to the dataset on "
-        "disk. Flights are proven only where that is asked for, by a time budget."
+    processes = max(row["processes"] for section in sections.values() for row in section["rows"])
+    command, dates = "flatquad measure demonstrations", [section["date"] for section in sections.values()]
+    text = (
+        f"{provenance_sentence(results, command=command, dates=dates)} With {processes} processes; the time includes "
+        "everything up to the dataset on disk. K* is proven only if a time budget for proofs is given."
     )
-    return markdown(head, rows) + "\n\n" + fill(note, WIDTH, break_on_hyphens=False)
+    return markdown(HEAD, rows) + "\n\n" + paragraph(text)

@@ -1,86 +1,90 @@
-"""The README's table of the environments, from `envs.json`: what was compared with what, and was the bar met?
+"""The table of the environments, from `envs.json`: speeds relative to a baseline, and targets.
 
-A row names two that took turns in one process, their speeds, the ratio, and the bar where one was set beforehand.
-Ratios are rounded down, so that none seems to reach a bar which it misses.
+A line compares FlatQuad with a baseline that was timed in alternation in the same process. It has their speeds, the
+ratio, and the target if one was set before the measurement. Ratios are rounded down, so that no rounded ratio passes
+a target that the measured one misses.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from math import floor
-from textwrap import fill
 from typing import Any
 
 from experiments.files import Row
-from experiments.publishing.markdown import markdown
+from experiments.provenance import provenance_sentence
+from experiments.publishing.markdown import markdown, paragraph
 
-HEAD = ["measured", "FlatQuad", "beside", "ratio", "bar", "met"]
-BARS = {"median_s": "≤ {:g} s", "compiled": "{:g} compiled again", "growth_mb": "≤ {:g} MB"}
-"""How a bar is told, by what it is on; all others are ratios to be reached."""
-VERSIONS = ("flatgym", "gymnasium", "numpy", "numba", "stable-baselines3", "torch")
+HEAD = ["measured", "FlatQuad", "baseline", "ratio", "target", "passed"]
+TARGETS = {"median_s": "≤ {:g} s", "compiled": "{:g} compiled again", "growth_mb": "≤ {:g} MB"}
+"""Formats of targets by metric; all others are least ratios."""
+PACKAGES = ("flatgym", "gymnasium", "numpy", "numba", "stable-baselines3", "torch")
 
 
 def environments(results: dict[str, Any]) -> str:
-    """Return the table, and how it came about."""
+    """Return the table, how the ratios are measured, and the provenance."""
     sections = results["sections"]
-    lines = [line for name, told in LINES.items() if name in sections for line in told(sections[name]["rows"])]
-    return "\n\n".join([markdown(HEAD, lines), fill(conditions(sections), 118, break_on_hyphens=False), told(results)])
+    lines = [line for name, write in LINES.items() if name in sections for line in write(sections[name]["rows"])]
+    dates = [section["date"] for section in sections.values()]
+    command = "flatquad measure environments" + (" --quick" if results["smoke"] else "")
+    source = provenance_sentence(results, PACKAGES, command=command, dates=dates)
+    return "\n\n".join([markdown(HEAD, lines), paragraph(method(sections)), paragraph(source)])
 
 
 def batched(rows: list[Row]) -> Iterator[list[str]]:
-    """Yield the batched environment beside its peer, the other scenarios beside the first, and NumPy alone."""
+    """Yield the batched environment against its baseline, other scenarios against the first, and NumPy alone."""
     fast, slow = [row for row in rows if "numba" not in row], [row for row in rows if "numba" in row]
-    peer, hoop, drawn, *others = fast
-    yield compared(f"batched: {many(hoop)}, beside {many(peer)}", hoop, peer)
-    yield compared(f"batched: {many(drawn)}, beside {name(hoop)}", drawn, hoop, "ratio_to_hoop")
+    baseline, hoop, drawn, *others = fast
+    yield compared(f"batched: {many(hoop)}, against {many(baseline)}", hoop, baseline)
+    yield compared(f"batched: {many(drawn)}, against {name(hoop)}", drawn, hoop, "ratio_to_hoop")
     last = min(
         (row for row in others if row["num_envs"] == hoop["num_envs"]), key=lambda row: float(row["ratio_to_hoop"])
     )
-    yield compared(f"batched: {many(last)}, the slowest other, beside {name(hoop)}", last, hoop, "ratio_to_hoop")
-    for beside, ours in zip(slow[::2], slow[1::2], strict=True):
-        yield compared(f"batched, numba missing: {many(ours)}, beside {many(beside)}", ours, beside)
+    yield compared(f"batched: {many(last)}, the slowest other, against {name(hoop)}", last, hoop, "ratio_to_hoop")
+    for theirs, ours in zip(slow[::2], slow[1::2], strict=True):
+        yield compared(f"batched without numba: {many(ours)}, against {many(theirs)}", ours, theirs)
 
 
 def scalar(rows: list[Row]) -> Iterator[list[str]]:
-    """Yield one environment beside one of its peer."""
-    peer, ours = rows
-    yield compared(f"scalar, `gym.make`: {name(ours)}, beside {name(peer)}", ours, peer)
+    """Yield one environment against one of the baseline."""
+    baseline, ours = rows
+    yield compared(f"scalar, `gym.make`: {name(ours)}, against {name(baseline)}", ours, baseline)
 
 
 def sb3(rows: list[Row]) -> Iterator[list[str]]:
-    """Yield the adapter beside Stable-Baselines3's own."""
-    peer, ours = rows
-    yield compared(f"`agents.make_vec_env`: {many(ours)}, beside {many(peer)}", ours, peer)
+    """Yield our Stable-Baselines3 adapter against Stable-Baselines3's own."""
+    baseline, ours = rows
+    yield compared(f"`agents.make_vec_env`: {many(ours)}, against {many(baseline)}", ours, baseline)
 
 
 def ppo(rows: list[Row]) -> Iterator[list[str]]:
-    """Yield training beside training, for each size of the minibatches."""
-    for peer, ours in zip(rows[::2], rows[1::2], strict=True):
-        what = f"PPO end to end, minibatches of {ours['minibatch']:,}: {many(ours)}, beside {many(peer)}"
-        yield compared(what, ours, peer)
+    """Yield training against training, for each minibatch size."""
+    for baseline, ours in zip(rows[::2], rows[1::2], strict=True):
+        what = f"PPO end to end, minibatches of {ours['minibatch']:,}: {many(ours)}, against {many(baseline)}"
+        yield compared(what, ours, baseline)
 
 
 def imports(rows: list[Row]) -> Iterator[list[str]]:
-    """Yield the seconds of an import, and of the first step with and without kernels on disk."""
+    """Yield the times of an import, and of the first step with and without stored kernels."""
     by_name = {row["what"]: row for row in rows}
     pairs = {
-        "`import flatgym`, beside `import gymnasium`": ("import flatgym", "import gymnasium"),
-        "first step of a process, kernels on disk, beside compiling them": (
+        "`import flatgym`, against `import gymnasium`": ("import flatgym", "import gymnasium"),
+        "first step of a process, kernels stored, against compiling them": (
             "first step, warm cache",
             "first step, cold cache",
         ),
     }
-    for what, (ours, beside) in pairs.items():
-        seconds = [f"{by_name[key]['median_s']:.2f} s" for key in (ours, beside)]
-        yield [what, *seconds, "-", *verdict(by_name[ours])]
+    for what, (ours, theirs) in pairs.items():
+        seconds = [f"{by_name[key]['median_s']:.2f} s" for key in (ours, theirs)]
+        yield [what, *seconds, "-", *target_cells(by_name[ours])]
 
 
 def memory(rows: list[Row]) -> Iterator[list[str]]:
     """Yield the growth of the resident memory."""
     for row in rows:
         steps = row["checkpoints"][-1]["env_steps"]
-        what = f"growth of the memory in {steps / 1e6:,.3g} M steps: {many(row)}, {row['autoreset']}"
-        yield [what, f"{row['growth_mb']:.2f} MB", "-", "-", *verdict(row)]
+        what = f"memory growth in {steps / 1e6:,.3g} M steps: {many(row)}, {row['autoreset']}"
+        yield [what, f"{row['growth_mb']:.2f} MB", "-", "-", *target_cells(row)]
 
 
 LINES: dict[str, Callable[[list[Row]], Iterator[list[str]]]] = {
@@ -91,19 +95,19 @@ LINES: dict[str, Callable[[list[Row]], Iterator[list[str]]]] = {
     "imports": imports,
     "memory": memory,
 }
-"""The lines of a section, in the order of the table."""
+"""The lines of each section, in the order of the table."""
 
 
-def compared(what: str, ours: Row, beside: Row, key: str = "ratio") -> list[str]:
-    """Return the line of two speeds and the ratio of the rounds, which is not quite that of the medians."""
-    return [what, speed(ours), speed(beside), rounded_down(ours[key]), *verdict(ours)]
+def compared(what: str, ours: Row, baseline: Row, key: str = "ratio") -> list[str]:
+    """Return the line of two speeds; the ratio is the median within the rounds, not the ratio of the medians."""
+    return [what, speed(ours), speed(baseline), rounded_down(ours[key]), *target_cells(ours)]
 
 
-def verdict(row: Row) -> list[str]:
-    """Return the bar and whether it is met; dashes where there was none."""
-    if "bar" not in row:
+def target_cells(row: Row) -> list[str]:
+    """Return the target and whether it is passed; dashes if there is none."""
+    if "target" not in row:
         return ["-", "-"]
-    return [BARS.get(row["bar_on"], "≥ {:g}").format(row["bar"]), "yes" if row["met"] else "no"]
+    return [TARGETS.get(row["metric"], "≥ {:g}").format(row["target"]), "yes" if row["passed"] else "no"]
 
 
 def speed(row: Row) -> str:
@@ -113,45 +117,33 @@ def speed(row: Row) -> str:
 
 
 def rounded_down(ratio: float) -> str:
-    """Return a ratio with two decimals, a large one with none."""
+    """Return a ratio with two decimals, from 10 on with none."""
     return f"{floor(ratio * 100) / 100:.2f}" if ratio < 10 else f"{floor(ratio):,}"
 
 
 def name(row: Row) -> str:
-    """Return what is flown, set as code where it is ours."""
+    """Return the name of an environment or scenario; scenarios are set as code."""
     return row["what"] if "CartPole" in row["what"] else f"`{row['what']}`"
 
 
 def many(row: Row) -> str:
-    """Return how many fly at once, and what."""
+    """Return the number of environments and their name."""
     kind, of, what = str(row["what"]).rpartition(" of ")
     return f"{kind}{of}{row['num_envs']:,} x {name(row | {'what': what})}"
 
 
-def conditions(sections: dict[str, Any]) -> str:
-    """Return how the ratios were taken, and how the speed grows with the number of vehicles."""
+def method(sections: dict[str, Any]) -> str:
+    """Return how the ratios are measured, and the speed by the number of vehicles."""
     rows = [row for section in sections.values() for row in section["rows"] if "rates" in row]
-    words = "Environment steps a second, by random actions except in PPO, ends and resets of episodes included."
+    words = "Environment steps a second with random actions, in PPO with the policy's; resets are included."
     if rows:
         words += (
-            " Those compared take turns in one process, and a ratio is the median of those within the rounds; "
-            f"at most {max(row['cores'] for row in rows):.1f} cores were busy."
+            " Compared environments alternate in one process, and a ratio is the median of the ratios within the "
+            f"rounds; at most {max(row['cores'] for row in rows):.1f} cores were busy."
         )
     if "batched" in sections:
         fast = [row for row in sections["batched"]["rows"] if "numba" not in row]
         ladder = sorted((row for row in fast if row["what"] == fast[1]["what"]), key=lambda row: int(row["num_envs"]))
         sizes, speeds = ", ".join(f"{row['num_envs']}" for row in ladder), ", ".join(speed(row) for row in ladder)
-        words += f" In batches of {sizes} vehicles, {name(fast[1])} is flown at {speeds}."
+        words += f" In batches of {sizes} vehicles, {name(fast[1])} runs at {speeds}."
     return words
-
-
-def told(results: dict[str, Any]) -> str:
-    """Return command, machine, dates and versions."""
-    sections, machine = results["sections"].values(), results["machine"]
-    command = "python -m experiments.measurements.environments" + (" --quick" if results["quick"] else "")
-    dates = " and ".join(sorted({section["date"][:10] for section in sections}))
-    used = ", ".join(f"{part} {results['versions'][part]}" for part in VERSIONS if part in results["versions"])
-    small = " Small sizes, only to see that it runs: the numbers mean nothing." if results["quick"] else ""
-    where = f"{machine['cores']} cores ({machine['processor']}, {machine['system']})"
-    words = f"`{command}` on {where}, {dates}; {used}.{small}"
-    return fill(words, 118, break_on_hyphens=False)

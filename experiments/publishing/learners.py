@@ -1,168 +1,181 @@
-"""What the README says of learning: the study's tables and picture, the pretrained policies, the demonstrations.
+"""The tables of the agents: the quick benchmark (`benchmark.json`) and the comparison of all agents (`learners.json`).
 
-    scores        benchmark.json            the quick benchmark
-    learners      learners.json             agents side by side, undisturbed and disturbed
-    pretrained    agents/pretrained/*.json  the policies that come with the package
-    demos         demos.json                how fast demonstrations are made, and whether all replay
-
-Success and gap stand with bootstrap intervals over seeds and flights (`agents.evaluation.bootstrap`). The gap of a disturbed
-flight is to K* of the undisturbed vehicle, so with a tail wind it may be negative.
+Success and gap have bootstrap intervals over seeds and episodes (`agents.evaluation.bootstrap`). Under disturbances
+the gap is to K* of the nominal vehicle; with a tail wind it can be negative.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from textwrap import fill
 
 import numpy as np
 
-from experiments.benchmark.agents import called
-from experiments.benchmark.formats import amount, gap, listed, share, strength
-from experiments.benchmark.summary import NEAR, RELIABLE, Scores, learnt_after, pairs, runs_of, scored
+from experiments.benchmark.agents import display_name
+from experiments.benchmark.conditions import COMBINED, NOMINAL
+from experiments.benchmark.formats import describe_disturbances, format_count, format_gap, format_success, join_names
+from experiments.benchmark.summary import (
+    TARGET_GAP,
+    TARGET_SUCCESS,
+    Scores,
+    cells_of,
+    pairs,
+    samples_to_target,
+    summarise,
+)
 from experiments.files import Row
+from experiments.formats import percent
+from experiments.provenance import provenance_sentence
 from experiments.publishing.learner_figure import PICTURE
-from experiments.publishing.markdown import markdown
+from experiments.publishing.markdown import markdown, paragraph
 
-LATE = ("tape", "delay")
-WIDTH = 118
+PACKAGES = ("flatgym", "stable-baselines3", "torch")
+"""Packages whose versions are stated."""
 
 
 def learners(results: Row) -> str:
-    """Return the picture, the agents side by side, the same under disturbances, and how all came about."""
-    found = scored(results)
-    calm = ["on", "agent", "success", "gap to K*", "steps flown", "steps shown", "learning [s]", "learnt after"]
-    rough = ["on", "agent", *results["conditions"]]
+    """Return the figure, the nominal table, the table under disturbances, and what their columns mean."""
+    scores = summarise(results)
+    nominal = [
+        "task", "agent", "success", "gap to K*", "env steps", "expert labels", "training time [s]",
+        f"samples to {percent(TARGET_GAP, 0)} gap",
+    ]  # fmt: skip
     parts = [
         f"![Success, gap and learning curves of all agents](experiments/results/published/{PICTURE})",
-        markdown(calm, list(side_by_side(results, found))),
-        fill(explained(results, found), WIDTH, break_on_hyphens=False),
-        markdown(rough, list(disturbed(results, found))),
-        fill(robustness(results, found), WIDTH, break_on_hyphens=False),
-        fill(told(results), WIDTH, break_on_hyphens=False),
+        markdown(nominal, list(nominal_lines(results, scores))),
+        paragraph(nominal_note(results, scores)),
+        markdown(["task", "agent", *results["conditions"]], list(disturbed_lines(results, scores))),
+        paragraph(disturbed_note(results, scores)),
+        paragraph(study_provenance(results)),
     ]
     return "\n\n".join(parts)
 
 
 def scores(results: Row) -> str:
-    """Return the table of the quick benchmark: everybody undisturbed and disturbed, and how it came about."""
-    found = scored(results)
+    """Return the table of the quick benchmark, and its provenance."""
+    found = summarise(results)
     times = {row["scenario"]: row["time_s"] for row in results["solutions"]}
-    head = ["on", "T* [s]", "K*", "agent", "success", "gap to K*", "disturbed", "steps flown", "learning [s]"]
+    head = ["task", "T* [s]", "K*", "agent", "success", "gap to K*", "disturbed", "env steps", "training time [s]"]
     rows = [
         [
             f"`{problem}`",
-            f"{times[problem]:.4f}" if problem in times else "each its own",
-            f"{results['k_star'][problem][0]:.0f}" if problem in times else "each its own",
-            called(agent),
-            share(found[problem, agent, "calm"]),
-            gap(found[problem, agent, "calm"]),
-            share(found[problem, agent, "together"]),
-            amount(np.mean([cell["env_steps"] for cell in runs_of(results, problem, agent)])),
-            f"{np.mean([cell['wall_time_s'] for cell in runs_of(results, problem, agent)]):.0f}",
+            f"{times[problem]:.4f}" if problem in times else "varies",
+            f"{results['k_star'][problem][0]:.0f}" if problem in times else "varies",
+            display_name(agent),
+            format_success(found[problem, agent, NOMINAL]),
+            format_gap(found[problem, agent, NOMINAL]),
+            format_success(found[problem, agent, COMBINED]),
+            format_count(mean(cells_of(results, problem, agent), "env_steps")),
+            f"{mean(cells_of(results, problem, agent), 'training_s'):.0f}",
         ]
         for problem, agent in pairs(found)
     ]
-    used = results["versions"]
-    note = (
-        f"`{results['command']}` on {results['machine']['cores']} cores ({results['processor']}), "
-        f"{results['date'][:10]}; flatgym {used['flatgym']}, stable-baselines3 {used['stable-baselines3']}, torch "
-        f"{used['torch']}. Disturbed: success in wind, with another mass and a delay at once."
-    )
-    return markdown(head, rows) + "\n\n" + fill(note, WIDTH, break_on_hyphens=False)
+    note = f"{provenance_sentence(results, PACKAGES)} Disturbed: success with wind, a mass error and a delay at once."
+    return markdown(head, rows) + "\n\n" + paragraph(note)
 
 
-def side_by_side(results: Row, found: Scores) -> Iterator[list[str]]:
-    """Yield the lines of the undisturbed flights."""
-    for problem, agent in pairs(found):
-        runs = runs_of(results, problem, agent)
-        row, learnt = found[problem, agent, "calm"], any(cell["curve"] for cell in runs)
+def nominal_lines(results: Row, scores: Scores) -> Iterator[list[str]]:
+    """Yield the lines of the nominal table."""
+    for problem, agent in pairs(scores):
+        cells = cells_of(results, problem, agent)
+        score, trained = scores[problem, agent, NOMINAL], any(cell["curve"] for cell in cells)
+        samples = [samples_to_target(cell, results["validation_k_star"][problem]) for cell in cells]
         yield [
             f"`{problem}`",
-            called(agent),
-            share(row),
-            gap(row),
-            amount(np.mean([cell["env_steps"] for cell in runs])),
-            amount(np.mean([cell["expert_steps"] for cell in runs])),
-            f"{np.mean([cell['wall_time_s'] for cell in runs]):.0f}" if learnt else "-",
-            efficiency([learnt_after(cell, results["k_check"][problem]) for cell in runs]) if learnt else "-",
+            display_name(agent),
+            format_success(score),
+            format_gap(score),
+            format_count(mean(cells, "env_steps")),
+            format_count(mean(cells, "expert_labels")),
+            f"{mean(cells, 'training_s'):.0f}" if trained else "-",
+            median_samples(samples) if trained else "-",
         ]
 
 
-def disturbed(results: Row, found: Scores) -> Iterator[list[str]]:
-    """Yield the lines of all conditions: success, and the gap of what succeeded."""
-    for problem, agent in pairs(found):
-        cells = [found[problem, agent, condition] for condition in results["conditions"]]
-        yield [f"`{problem}`", called(agent), *(f"{share(row)}, {gap(row, bounds=False)}" for row in cells)]
+def mean(cells: Sequence[Row], key: str) -> float:
+    """Return the mean of a number over cells."""
+    return float(np.mean([cell[key] for cell in cells]))
 
 
-def efficiency(after: Sequence[float]) -> str:
-    """Return the median over the runs that learnt, and how many did where not all."""
-    reached = [steps for steps in after if not np.isnan(steps)]
+def disturbed_lines(results: Row, scores: Scores) -> Iterator[list[str]]:
+    """Yield the lines of all conditions: success, and the gap of successful episodes."""
+    for problem, agent in pairs(scores):
+        rows = [scores[problem, agent, condition] for condition in results["conditions"]]
+        cells = [f"{format_success(row)}, {format_gap(row, interval=False)}" for row in rows]
+        yield [f"`{problem}`", display_name(agent), *cells]
+
+
+def median_samples(samples: Sequence[float]) -> str:
+    """Return the median over the runs that reach the targets, and their number if not all do."""
+    reached = [count for count in samples if not np.isnan(count)]
     if not reached:
         return "never"
-    return amount(float(np.median(reached))) + ("" if len(reached) == len(after) else f" ({len(reached)}/{len(after)})")
-
-
-def explained(results: Row, found: Scores) -> str:
-    """Return what the columns of the first table mean."""
-    seeds = max(row["runs"] for row in found.values())
-    drawn = {name: max(len(cell["flights"]["calm"]["steps"]) for cell in results["cells"] if cell["problem"] == name)
-             for name in results["k_star"]}  # fmt: skip
-    goals = ", ".join(f"{count:,} on `{name}`" for name, count in sorted(drawn.items()))
-    return (
-        f"Means over {seeds} seeds of each learner; in brackets 95 % bootstrap intervals over seeds and flights; gaps "
-        f"are interquartile means over successes. Scored flights a seed: {goals}, none met in training. Steps flown "
-        "are the learner's own in the environment, steps shown those for which an expert said what to do. Learning is "
-        "timed on one core, DAgger's advice included, plans made beforehand not. Learnt after so many steps, both: "
-        f"when a check first succeeded in {100 * RELIABLE:.0f} % of its flights with a mean gap of at most "
-        f"{100 * NEAR:.0f} %. "
-        f"{planning(results)}"
+    return format_count(float(np.median(reached))) + (
+        "" if len(reached) == len(samples) else f" ({len(reached)}/{len(samples)})"
     )
 
 
-def planning(results: Row) -> str:
+def nominal_note(results: Row, scores: Scores) -> str:
+    """Return what the columns of the nominal table mean."""
+    seeds = max(row["runs"] for row in scores.values())
+    counts = {
+        name: max(len(cell["episodes"][NOMINAL]["steps"]) for cell in results["cells"] if cell["problem"] == name)
+        for name in results["k_star"]
+    }
+    episodes = ", ".join(f"{count:,} on `{name}`" for name, count in sorted(counts.items()))
+    return (
+        f"Means over {seeds} seeds of each learner, with 95 % bootstrap intervals over seeds and episodes in brackets. "
+        f"Gaps are interquartile means over successes. Evaluation episodes per seed: {episodes}, unseen in training. "
+        "Env steps are the policy's own, expert labels are steps labelled by an expert. Training time is on one core; "
+        "it includes DAgger's expert labels, but not the demonstrations planned beforehand. Samples are env steps plus "
+        f"expert labels until validation first reaches {percent(TARGET_SUCCESS, 0)} success with a mean gap of at most "
+        f"{percent(TARGET_GAP, 0)}. {planning_note(results)}"
+    ).strip()
+
+
+def planning_note(results: Row) -> str:
     """Return how long the planning of the demonstrations took."""
     spent = {cell["problem"]: cell["planning_s"] for cell in results["cells"] if cell["agent"] in ("bc", "dagger")}
     if not spent:
         return ""
-    words = " and ".join(f"{seconds:.1f} s on `{problem}`" for problem, seconds in sorted(spent.items()))
-    return f"Planning what is imitated took {words}, once for all, on all cores."
+    times = " and ".join(f"{seconds:.1f} s on `{problem}`" for problem, seconds in sorted(spent.items()))
+    return f"Planning the demonstrations took {times}, once for all agents, on all cores."
 
 
-def robustness(results: Row, found: Scores) -> str:
-    """Return how strong the disturbances are, and under which of them feedback beats replay."""
+def disturbed_note(results: Row, scores: Scores) -> str:
+    """Return how strong the disturbances are, and under which of them feedback is better than open-loop replay."""
     strengths = "; ".join(
-        (f"{name}: " if len(active) > 1 else "") + strength(active)
+        (f"{name}: " if len(active) > 1 else "") + describe_disturbances(active)
         for name, active in results["conditions"].items()
         if active
     )
-    words = [
-        "Success, and the gap of what succeeds to K* of the undisturbed vehicle. Drawn once a flight, the same for "
-        f"all - {strengths}. The expert flies a K* flight planned through a narrower hoop, the one along the rim does "
-        "not; the tape is the actions of the expert's flight as they stand."
+    sentences = [
+        "Success, and the gap of successful episodes to K* of the nominal vehicle. Disturbances are sampled once per "
+        f"episode, the same for all agents: {strengths}. The expert is an LQR around a K* flight that is planned "
+        "through narrower hoops; the expert without margin uses the hoops as they are. Open-loop replay applies the "
+        "actions of the expert's flight without feedback."
     ]
     for problem in sorted(results["k_star"]):
-        better = [name for name in results["conditions"] if beaten(found, problem, name)]
-        words.append(f"On `{problem}` the expert's feedback beats its tape under {listed(better)}.")
-    tapes = [row["success_rate"] for (_, agent, condition), row in found.items() if (agent, condition) == LATE]
-    if tapes and min(tapes) == 1:
-        words.append("A delay alone does nothing to a tape that begins at rest: it is the same flight, a step later.")
-    return " ".join(words)
+        better = [name for name in results["conditions"] if feedback_is_better(scores, problem, name)]
+        sentences.append(
+            f"On `{problem}` the expert's feedback is better than open-loop replay under {join_names(better)}."
+        )
+    delayed = [
+        row["success_rate"] for (_, agent, name), row in scores.items() if (agent, name) == ("open-loop", "delay")
+    ]
+    if delayed and min(delayed) == 1:
+        sentences.append("A pure delay does not affect open-loop replay from rest; the flight is shifted by one step.")
+    return " ".join(sentences)
 
 
-def beaten(found: Scores, problem: str, condition: str) -> bool:
-    """Return whether the interval of the expert's success lies above that of its tape's."""
-    rows = [found.get((problem, agent, condition)) for agent in ("expert", "tape")]
-    return rows[0] is not None and rows[1] is not None and rows[0]["success_low"] > rows[1]["success_high"]
+def feedback_is_better(scores: Scores, problem: str, condition: str) -> bool:
+    """Return whether the interval of the expert's success lies above that of open-loop replay."""
+    expert, replay = (scores.get((problem, agent, condition)) for agent in ("expert", "open-loop"))
+    return expert is not None and replay is not None and expert["success_low"] > replay["success_high"]
 
 
-def told(results: Row) -> str:
-    """Return command, machine, dates and versions."""
-    machine, used = results["machine"], results["versions"]
-    dates = " to ".join(sorted({min(c["date"] for c in results["cells"])[:10], results["date"][:10]}))
-    small = " Small sizes, only to see that it runs: the numbers mean nothing." if results["quick"] else ""
-    return (
-        f"`python -m experiments.benchmark.study{' --quick' if results['quick'] else ''}` on {machine['cores']} cores "
-        f"({machine['processor']}, {machine['system']}), {dates}; one line alone: `--only hoop/dagger`. flatgym "
-        f"{used['flatgym']}, stable-baselines3 {used['stable-baselines3']}, torch {used['torch']}.{small}"
-    )
+def study_provenance(results: Row) -> str:
+    """Return the provenance of the comparison, and the command for a single agent."""
+    command = "flatquad benchmark --study" + (" --quick" if results["smoke"] else "")
+    dates = [results["date"], min(cell["date"] for cell in results["cells"])]
+    sentence = provenance_sentence(results, PACKAGES, command=command, dates=dates)
+    return f"{sentence} For a single agent add `--only hoop/dagger`."

@@ -1,36 +1,55 @@
-"""TODO experiments/publishing/policies.py."""
+"""The table of the pretrained policies, from the cards beside them."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
-from experiments.benchmark.formats import amount, rounded
-from experiments.files import Row
+from experiments.benchmark.formats import format_count, format_percent
+from experiments.files import Row, plain
+from experiments.formats import percent
 from experiments.publishing.markdown import markdown
+from experiments.recipes.pretraining import DISTRIBUTION_CONFIGS, STAGES
+
+HEAD = ["policy", "algorithm", "success", "steps", "K*", "gap to K*", "env steps", "training time [s]", "size [kB]"]
 
 
 def pretrained(folder: Path) -> str:
-    """Return the table of the policies in a folder, from the cards beside them."""
+    """Return the table of the policies in a folder, and the command of each."""
     cards = [(path.stem, json.loads(path.read_text(encoding="utf-8"))) for path in sorted(folder.glob("*.json"))]
-    head = ["policy", "made by", "success", "steps", "K*", "gap", "steps flown", "training [s]", "size [kB]"]
-    rows = [[f"`{name}`", *carded(card), kilobytes(folder / f"{name}.zip")] for name, card in cards]
-    commands = [f"- `{name}`: `{card['command']}`" for name, card in cards]
-    return "\n\n".join([markdown(head, rows), "The commands that made them:", "\n".join(commands)])
+    rows = [[f"`{name}`", *score_cells(card), kilobytes(folder / f"{name}.zip")] for name, card in cards]
+    commands = [command_item(name, card) for name, card in cards]
+    return "\n\n".join([markdown(HEAD, rows), "The commands that train them:", "\n".join(commands)])
 
 
-def carded(card: Row) -> list[str]:
-    """Return what the score in a card says."""
+def score_cells(card: Row) -> list[str]:
+    """Return the score in a card as cells."""
     score = card["score"]
     return [
         score["algorithm"],
-        rounded(score["success_rate"]),
+        format_percent(score["success_rate"]),
         "-" if score["steps"] is None else f"{score['steps']:.4g}",
         f"{score['k_star']:.4g}",
-        "-" if score["gap"] is None else f"{100 * score['gap']:+.1f} %",
-        amount(score["env_steps"] or 0),
+        "-" if score["gap"] is None else percent(score["gap"], sign="+"),
+        format_count(score["env_steps"] or 0),
         f"{score['wall_time_s']:.0f}",
     ]
+
+
+def command_item(name: str, card: Row) -> str:
+    """Return the command of a policy as a list item, with the commit of its recipe if the recipe has changed since."""
+    item = f"- `{name}`: `{card['command']}`"
+    if card.get("commit") and card.get("configs") != current_configs(name, card):
+        item += f", with the recipe of commit {card['commit'][:7]}; today's recipe differs"
+    return item
+
+
+def current_configs(name: str, card: Row) -> list[Row]:
+    """Return the configurations that today's recipe of a policy uses, in the form of a card."""
+    configs = [DISTRIBUTION_CONFIGS[name]] if name in DISTRIBUTION_CONFIGS else [config for config, _ in STAGES]
+    used = [replace(config, scenario=name, seed=card["seed"]) for config in configs]
+    return [plain({"kind": type(config).__name__} | asdict(config)) for config in used]
 
 
 def kilobytes(path: Path) -> str:

@@ -1,117 +1,138 @@
-"""The README's tables, written from published results files.
+"""The solvers' tables, from `solvers.json`: best-known solutions with their bounds, and answers on the methods.
 
-    paper       paper.json        what became of the paper's times
-    optima      solvers.json      what is known of each named scenario
-    roads       solvers.json      how right, robust and fast the solvers are
-
-That of the environments is in `experiments.publishing.environments`.
+The environments' table is in `experiments.publishing.environments`, the paper's in `experiments.publishing.paper`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import floor
-from textwrap import fill
 from typing import Any
 
-from experiments.publishing.markdown import markdown
+from experiments.files import Row
+from experiments.formats import lower_bound, percent
+from experiments.provenance import provenance_sentence
+from experiments.publishing.markdown import markdown, paragraph
 
 OPTIMA = ("bounds", "steps", "goal_bounds", "goal_steps", "validity")
-"""Sections that the table of the optima is made of."""
-
-
-def optima(results: dict[str, Any]) -> str:
-    """Return what is known of each named scenario's optimum: flown, proven, in time and in steps; then the batches."""
-    rows = {name: section["rows"] for name, section in results["sections"].items()}
-    known, every = {row["scenario"]: row for row in rows["steps"]}, rows["goal_steps"][-1]
-    table = []
-    for row in rows["bounds"]:
-        k = known[row["scenario"]]
-        fewest = f"{k['k_star']}" if k["proven"] else f"{k['k_star']}, at least {k['lower_bound']}"
-        bound = f"{floor(row['lower_bound_s'] * 1e5) / 1e5:.5f}"  # rounded upwards it would be none
-        proof = "-" if row["to_0.1%_s"] is None else f"{row['to_0.1%_s']:.2f}"
-        cells = [row["scenario"], f"{row['flown_s']:.5f}", bound, f"{row['gap']:.3%}", proof, fewest]
-        table.append([*cells, "yes" if k["proven"] else "no"])
-    goals, held = rows["goal_bounds"][-1], rows["validity"]
-    words = (
-        f"On {goals['goals']} random goals, asked for 0.1%, the gap is {goals['gap_median']:.3%} at the median and "
-        f"{goals['gap_worst']:.3%} at worst, in {goals['wall_time_median_s']:.2f} s; of {every['goals']} others' K* "
-        f"{every['proven']} are proven, and the rest open by {every['gap_steps_worst']} step at most. Of the bounds of "
-        f"{sum(row['goals'] for row in held)} random tasks of three vehicles, "
-        f"{sum(row['above_a_flight'] for row in held)} lie above the time of a certified flight."
-    )
-    head = ["scenario", "T* flown [s]", "no flight is faster than [s]", "gap", "0.1% takes [s]", "K*", "K* proven"]
-    return markdown(head, table) + "\n\n" + fill(words, 118) + "\n\n" + told(results, OPTIMA)
-
-
-def told(results: dict[str, Any], sections: Iterable[str]) -> str:
-    """Return how sections of the solvers' benchmark came about."""
-    dates = sorted({results["sections"][name]["date"][:10] for name in sections})
-    return (
-        f"`python -m experiments.measurements.solvers` on {results['machine']['cores']} cores, {' and '.join(dates)}."
-    )
-
-
-ROADS = (
+"""Sections of the table of optima."""
+METHODS = (
     "references", "starts", "speed", "flat", "corridors", "pontryagin", "systems", "orders", "flat_orders", "batch",
     "warm",
 )  # fmt: skip
-"""Sections that the table of the roads is made of."""
+"""Sections of the table of methods."""
 
 
-def roads(results: dict[str, Any]) -> str:
-    """Return what the solvers' benchmark found, one line a question."""
+def optima(results: dict[str, Any]) -> str:
+    """Return the best-known T* and K* of each named scenario with their bounds, and statistics of uniform goals."""
     rows = {name: section["rows"] for name, section in results["sections"].items()}
+    steps, total = {row["scenario"]: row for row in rows["steps"]}, rows["goal_steps"][-1]
+    head = ["scenario", "T* upper bound [s]", "lower bound [s]", "gap", "time to 0.1 % gap [s]", "K*", "K* proven"]
+    goals, validity = rows["goal_bounds"][-1], rows["validity"]
+    text = (
+        f"On {goals['goals']} uniform goals (in the square of half-width 10 m around the start), with a requested gap "
+        f"of 0.1 %, the median gap is {percent(goals['gap_median'], 3)}, the largest {percent(goals['gap_worst'], 3)}, "
+        f"at a median of {goals['wall_time_median_s']:.2f} s. K* is proven for {total['proven']} of {total['goals']} "
+        f"other uniform goals; for the rest at most {total['gap_steps_worst']} step is open. Of the lower bounds of "
+        f"{sum(row['goals'] for row in validity)} uniform goals with three vehicles, "
+        f"{sum(row['above_a_flight'] for row in validity)} are above the time of a certified flight."
+    )
+    table = [optimum(row, steps[row["scenario"]]) for row in rows["bounds"]]
+    return "\n\n".join([markdown(head, table), paragraph(text), measured_by(results, OPTIMA)])
+
+
+def optimum(bound: Row, steps: Row) -> list[str]:
+    """Return the cells of a named scenario."""
+    time = bound["to_0.1%_s"]
+    return [
+        bound["scenario"],
+        f"{bound['upper_bound_s']:.5f}",
+        lower_bound(bound["lower_bound_s"]),
+        percent(bound["gap"], 3),
+        "-" if time is None else f"{time:.2f}",
+        f"{steps['k_star']}" if steps["proven"] else f"{steps['k_star']}, at least {steps['lower_bound']}",
+        "yes" if steps["proven"] else "no",
+    ]
+
+
+def measured_by(results: dict[str, Any], sections: Iterable[str]) -> str:
+    """Return command, machine and dates of sections as a paragraph."""
+    dates = [results["sections"][name]["date"] for name in sections]
+    return paragraph(provenance_sentence(results, command="flatquad measure solvers", dates=dates))
+
+
+def methods(results: dict[str, Any]) -> str:
+    """Return correctness, robustness and speed of the methods, one line a question."""
+    rows = {name: section["rows"] for name, section in results["sections"].items()}
+    lines = [*shooting_lines(rows), *flat_lines(rows), *system_lines(rows), *speed_lines(rows)]
+    return markdown(["question", "answer"], lines) + "\n\n" + measured_by(results, METHODS)
+
+
+def shooting_lines(rows: dict[str, list[Row]]) -> list[list[str]]:
+    """Return how right and how robust shooting is, and its agreement with the indirect method."""
     solved = [row for row in rows["references"] if row["status"].startswith("Solved")]
-    off = max(abs(row["deviation"]) for row in rows["references"] if row["deviation"] is not None)
-    total = rows["starts"][-1]
-    clock = {row["what"]: row["median_s"] for row in rows["speed"]}
-    warm = {row["what"]: row["median_s"] for row in rows["warm"]}
+    deviation = max(abs(row["deviation"]) for row in rows["references"] if row["deviation"] is not None)
+    total, difference = rows["starts"][-1], max(abs(row["difference"]) for row in rows["pontryagin"])
+    return [
+        ["named scenarios solved and certified by shooting", f"{len(solved)} of {len(rows['references'])}"],
+        ["their largest deviation from T* of other code", percent(deviation, 3)],
+        ["random initial guesses for uniform goals that converge", f"{total['converged']} of {total['starts']}"],
+        ["those that find the best time of the winding", f"{total['found_best']} of {total['starts']}"],
+        ["indirect method against shooting, largest relative difference", f"{difference:.1e}"],
+    ]
+
+
+def flat_lines(rows: dict[str, list[Row]]) -> list[list[str]]:
+    """Return how close to T* the flat method comes, and how robust and fast it is."""
     flat = {row["scenario"]: row for row in rows["flat"]}
     level = [row for name, row in flat.items() if name.startswith(("horizontal", "ground"))]
     automatic = {row["scenario"]: row for row in rows["corridors"]}
-    slopes = {name: [row["order"] for row in rows[name]] for name in ("orders", "flat_orders")}
     bends = [automatic[name] for name in ("hoop", "high-hoop", "slalom")]
+    certified, good, starts = (
+        sum(row[key] for row in flat.values()) for key in ("starts_certified", "starts_good", "starts")
+    )
+    return [
+        ["flat method above T*, horizontals and ground-6, largest", percent(max(r["above_best"] for r in level), 2)],
+        *[
+            [f"flat method above T* of its corridor, {name}", percent(flat[name]["above_best"], 2)]
+            for name in ("diagonal", "hoop")
+        ],
+        ["flat method, warm: horizontals and ground-6 [s]", f"{max(row['warm_s'] for row in level):.2f}"],
+        ["flat method, warm: diagonal, hoop [s]", ", ".join(f"{flat[n]['warm_s']:.1f}" for n in ("diagonal", "hoop"))],
+        [
+            "flat method from the paper's initial guess, several grids: certified, and within 0.5 %",
+            f"{certified}, {good} of {starts}",
+        ],
+        [
+            "automatic corridors above T*: hoop, high-hoop, slalom",
+            ", ".join(percent(row["above_best"]) + ("" if row["optimised"] else " (not optimised)") for row in bends),
+        ],
+    ]
 
-    def span(values: list[float]) -> str:
-        return f"{min(values):.1f} to {max(values):.1f}"
 
-    table = [
-        ["named scenarios solved and certified by shooting", f"{len(solved)} of {len(rows['references'])}"],
-        ["their largest distance from T* known from elsewhere", f"{off:.3%}"],
-        ["random starts to random goals that converge", f"{total['converged']} of {total['starts']}"],
-        ["those that find the best time of the winding", f"{total['found_best']} of {total['starts']}"],
+def system_lines(rows: dict[str, list[Row]]) -> list[list[str]]:
+    """Return the accuracy for other flat systems, and the orders of convergence."""
+    slopes = {name: [row["order"] for row in rows[name]] for name in ("orders", "flat_orders")}
+    shooting, flat = (f"{min(values):.1f} to {max(values):.1f}" for values in slopes.values())
+    error = max(row["replay_error"] for row in rows["systems"])
+    return [
+        ["other flat systems: inputs integrated by SciPy's DOP853, largest error", f"{error:.0e}"],
+        ["order of convergence: shooting, flat method", f"{shooting}, {flat}"],
+    ]
+
+
+def speed_lines(rows: dict[str, list[Row]]) -> list[list[str]]:
+    """Return solve times, batch rates and the import time."""
+    times = {row["what"]: row["median_s"] for row in rows["speed"]}
+    warm = {row["what"]: row["median_s"] for row in rows["warm"]}
+    return [
         [
-            "Pontryagin against shooting, largest distance",
-            f"{max(abs(r['difference']) for r in rows['pontryagin']):.1e}",
-        ],
-        ["flat over T*, horizontals and ground-6, largest", f"{max(r['above_best'] for r in level):.2%}"],
-        *[[f"flat over T* of its corridor, {n}", f"{flat[n]['above_best']:.2%}"] for n in ("diagonal", "hoop")],
-        ["flat, warm: horizontals and ground-6 [s]", f"{max(r['warm_s'] for r in level):.2f}"],
-        ["flat, warm: diagonal, hoop [s]", ", ".join(f"{flat[n]['warm_s']:.1f}" for n in ("diagonal", "hoop"))],
-        [
-            "flat from the paper's own start on other grids: certified, and within 0.5 %",
-            f"{sum(r['starts_certified'] for r in flat.values())}, {sum(r['starts_good'] for r in flat.values())} of "
-            f"{sum(r['starts'] for r in flat.values())}",
-        ],
-        [
-            "automatic corridors over T*: hoop, high-hoop, slalom",
-            ", ".join(f"{row['above_best']:.1%}" + ("" if row["optimised"] else " (not optimised)") for row in bends),
-        ],
-        [
-            "other systems' inputs through SciPy's DOP853, largest error",
-            f"{max(r['replay_error'] for r in rows['systems']):.0e}",
-        ],
-        ["order of convergence: shooting, flat", f"{span(slopes['orders'])}, {span(slopes['flat_orders'])}"],
-        [
-            "warm shooting solve, 100 steps [ms]; rockit's [ms]",
-            f"{clock['shooting'] * 1e3:.0f}; {clock['rockit'] * 1e3:.0f}",
+            "warm shooting solve, 100 steps [ms]; by rockit [ms]",
+            f"{times['shooting'] * 1e3:.0f}; {times['rockit'] * 1e3:.0f}",
         ],
         ['`solve("hoop")`, all windings, certified, warm [s]', f"{warm['solve hoop']:.2f}"],
         *[
-            [f"`{row['what']}` of random goals, two processes [1/s]", f"{row['per_second']:.0f}"]
+            [f"`{row['what']}` of uniform goals, two processes [1/s]", f"{row['per_second']:.0f}"]
             for row in rows["batch"]
         ],
-        ["`import optimal` [s]", f"{clock['import optimal']:.2f}"],
+        ["`import optimal` [s]", f"{times['import optimal']:.2f}"],
     ]
-    return markdown(["question", "answer"], table) + "\n\n" + told(results, ROADS)

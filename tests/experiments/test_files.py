@@ -2,11 +2,13 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
 
-from experiments.files import plain, write_json
+from experiments import files
+from experiments.files import SCHEMA, plain, read_json, write_json
 from flatgym.files import write_text
 
 
@@ -24,3 +26,15 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
 def test_plain_data():
     data = {1: np.float32(0.5), "b": (math.inf, math.nan, 2.0), "c": np.arange(3), "d": [None, True, "x"]}
     assert plain(data) == {"1": 0.5, "b": [None, None, 2.0], "c": [0, 1, 2], "d": [None, True, "x"]}
+
+
+def test_a_file_of_another_schema_is_refused_with_the_way_out(tmp_path, monkeypatch, capsys):
+    old = {"schema": SCHEMA - 1, "command": "flatquad paper", "rows": []}
+    reason = f"has schema {SCHEMA - 1}, this version reads {SCHEMA}: run the command again, `flatquad paper`"
+    write_json(tmp_path / "paper.json", old)
+    monkeypatch.setattr(files, "PUBLISHED", tmp_path)
+    with pytest.raises(ValueError, match=re.escape(f"paper.json {reason}")):
+        files.published("paper.json")
+    assert read_json(tmp_path / "paper.json") is None
+    assert f"{reason}; moved aside to paper.json.set-aside" in capsys.readouterr().err
+    assert json.loads((tmp_path / "paper.json.set-aside").read_text()) == old

@@ -1,4 +1,4 @@
-"""Where results come from, and what becomes of files that cannot be read."""
+"""Provenance of results, and results files that cannot be read."""
 
 import json
 
@@ -36,11 +36,11 @@ def test_what_was_written_is_read(tmp_path):
 
 
 @pytest.mark.parametrize("text", ['{"schema": 1, "st', "[]", '{"schema": 0}', "\x00\x00", ""])
-def test_what_cannot_be_read_is_set_aside_and_named(tmp_path, capsys, text):
+def test_an_unreadable_file_is_moved_aside_and_named(tmp_path, capsys, text):
     path = tmp_path / "cell.json"
     for number in ("", "-2"):
         path.write_text(text)
         assert read_json(path) is None
         assert not path.exists()
         assert (tmp_path / f"cell.json.set-aside{number}").read_text() == text
-        assert f"set aside as cell.json.set-aside{number}" in capsys.readouterr().err
+        assert f"moved aside to cell.json.set-aside{number}" in capsys.readouterr().err

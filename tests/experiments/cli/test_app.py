@@ -8,11 +8,25 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import optimal
-from experiments.cli import app, problems
+from experiments import terminal
+from experiments.cli import app
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.scenarios.reference import reference
 
-COMMANDS = ("list", "solve", "paper", "demos", "train", "evaluate", "benchmark", "report")
+COMMANDS = (
+    "list",
+    "solve",
+    "paper",
+    "demos",
+    "train",
+    "evaluate",
+    "benchmark",
+    "report",
+    "play",
+    "pretrain",
+    "publish",
+)
+WITHOUT_TABLE = ("play", "pretrain", "publish")
 
 
 def flatquad(monkeypatch, capsys, *arguments):
@@ -29,7 +43,14 @@ def test_help_has_an_example(command):
     result = CliRunner().invoke(app.app, [command, "--help"])
     assert result.exit_code == 0
     assert f"flatquad {command}" in result.output
-    assert "--json" in result.output
+    assert ("--json" in result.output) == (command not in WITHOUT_TABLE)
+
+
+@pytest.mark.parametrize("command", ["solvers", "environments", "demonstrations", "reference"])
+def test_help_of_measurements_has_an_example(command):
+    result = CliRunner().invoke(app.app, ["measure", command, "--help"])
+    assert result.exit_code == 0
+    assert f"flatquad measure {command}" in " ".join(result.output.split())
 
 
 def listed(monkeypatch, capsys):
@@ -57,8 +78,9 @@ def test_list_tells_what_is_known_of_each_optimum(monkeypatch, capsys):
         assert {rows[name][key] for key in ("k_star", "k_lower_bound", "proven", "time_s", "lower_bound_s")} == {None}
 
 
-def test_list_prints_tables_in_which_no_bound_is_rounded_upwards(monkeypatch, capsys):
-    monkeypatch.setattr(problems, "screen", Console(width=80))
+@pytest.mark.parametrize("width", [80, 60])
+def test_list_prints_tables_in_which_no_bound_is_rounded_upwards(monkeypatch, capsys, width):
+    monkeypatch.setattr(terminal, "screen", Console(width=width))
     status, out, _ = flatquad(monkeypatch, capsys, "list")
     assert status == 0
     cells = [line.replace("│", " ").split() for line in out.splitlines()]
@@ -69,8 +91,9 @@ def test_list_prints_tables_in_which_no_bound_is_rounded_upwards(monkeypatch, ca
         known = reference(name)
         assert float(time) == pytest.approx(known.time, abs=5e-6)
         assert known.time_lower_bound - 1.1e-5 < float(bound) <= known.time_lower_bound
-        assert (int(k_star), proven) == (known.k_star, str(known.proven))
+        assert (int(k_star), proven) == (known.k_star, "yes" if known.proven else "no")
     assert all(name in out for name in DISTRIBUTIONS)
+    assert max(map(len, out.splitlines())) <= width
 
 
 def test_solve_prints_the_certified_row(monkeypatch, capsys):
@@ -97,6 +120,9 @@ def test_solve_writes_the_flight(monkeypatch, capsys, tmp_path):
         (["solve", "hoop", "--speed", "9"], "No such option"),
         (["solve", "horizontal-3", "--out", "flight.pkl"], "unknown ending '.pkl'"),
         (["demos", "hoop", "-n", "0"], "greater than or equal"),
+        (["measure", "solvers", "sped"], "unknown section 'sped'; known: references, starts"),
+        (["pretrain", "hop"], "did you mean 'hoop'"),
+        (["benchmark", "--full", "--study"], "give one of them"),
     ],
 )
 def test_bad_arguments_exit_2_with_the_way_out(monkeypatch, capsys, arguments, words):

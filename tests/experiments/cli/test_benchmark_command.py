@@ -9,14 +9,17 @@ from dataclasses import replace
 import pytest
 
 from experiments.benchmark import suite
-from experiments.benchmark.results import merged, only
+from experiments.benchmark.results import merge, only
 from experiments.benchmark.suite import SUITES, Suite
 from experiments.cli import app
 from experiments.files import published
-from experiments.recipes.lesson import SMOKE
+from experiments.recipes.run_spec import SMOKE
 
 SMALL = Suite(
-    "quick", {"climb": ("bc", "pd", "pretrained")}, seeds=2, sizes=replace(SMOKE, gradient_steps=(5, 5), shown=2)
+    "quick",
+    {"climb": ("bc", "pd", "pretrained")},
+    seeds=2,
+    budget=replace(SMOKE, gradient_steps=(5, 5), expert_rollouts=2),
 )
 HOSTILE = "import time\n\n\ndef crash(seen):\n    return 1 / 0\n\n\ndef hang(seen):\n    time.sleep(600)\n"
 
@@ -52,7 +55,7 @@ def test_what_fails_is_marked_and_the_rest_goes_on(folder):
     assert set(cells) == {("bc", 0), ("bc", 1), ("pd", 0), ("pretrained", 0), ("crasher", 0), ("sleeper", 0)}
     assert "ZeroDivisionError" in cells["crasher", 0]["error"]
     assert "no answer within 2 s" in cells["sleeper", 0]["error"]
-    assert cells["pretrained", 0]["flights"]["calm"]["steps"] == results["k_star"]["climb"][:1]
+    assert cells["pretrained", 0]["episodes"]["nominal"]["steps"] == results["k_star"]["climb"][:1]
     assert results["commit"] is None or len(results["commit"]) in (40, 41)
     table = (folder / "benchmark.csv").read_text()
     page = (folder / "report.html").read_text()
@@ -64,12 +67,12 @@ def timeless(results):
     """Return results without what a clock or the command line wrote into them."""
     cells = [{key: value for key, value in cell.items() if key not in TIMES} for cell in results["cells"]]
     for cell in cells:
-        cell["flights"] = {name: flown | {"seconds": 0} for name, flown in cell["flights"].items()}
+        cell["episodes"] = {name: flown | {"wall_time_s": 0} for name, flown in cell["episodes"].items()}
         cell["curve"] = [point | {"wall_time_s": 0} for point in cell.get("curve", ())]
     return {key: value for key, value in results.items() if key not in TIMES} | {"cells": cells}
 
 
-TIMES = ("date", "command", "commit", "wall_time_s", "planning_s")
+TIMES = ("date", "command", "commit", "training_s", "planning_s")
 
 
 def test_a_killed_run_goes_on_to_what_it_would_have_been(folder, tmp_path):
@@ -80,9 +83,9 @@ def test_a_killed_run_goes_on_to_what_it_would_have_been(folder, tmp_path):
     )
     (tmp_path / "tests_small.py").write_text(
         "from dataclasses import replace\n"
-        "from experiments.benchmark.suite import Suite\nfrom experiments.recipes.lesson import SMOKE\n"
+        "from experiments.benchmark.suite import Suite\nfrom experiments.recipes.run_spec import SMOKE\n"
         "SMALL = Suite('quick', {'climb': ('bc', 'pd', 'pretrained')}, seeds=2,\n"
-        "              sizes=replace(SMOKE, gradient_steps=(5, 5), shown=2))\n"
+        "              budget=replace(SMOKE, gradient_steps=(5, 5), expert_rollouts=2))\n"
     )
     with subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, stderr=subprocess.DEVNULL) as process:
         while not list(tmp_path.glob("mine/*.json")) and process.poll() is None:
@@ -104,7 +107,7 @@ def test_a_damaged_cell_is_named_set_aside_and_made_again(folder, monkeypatch, c
     assert status == 0
     assert "climb-pd-0.json is damaged" in err
     assert (folder / "benchmark" / "climb-pd-0.json.set-aside").read_text() == half
-    assert json.loads(cell.read_text())["flights"]["calm"]["steps"] == before["flights"]["calm"]["steps"]
+    assert json.loads(cell.read_text())["episodes"]["nominal"]["steps"] == before["episodes"]["nominal"]["steps"]
     rows = json.loads(out)
     assert {row["agent"] for row in rows} == {"bc", "pd", "pretrained"}
     assert all(row["gap"] is None or row["gap_low"] <= row["gap"] <= row["gap_high"] for row in rows)
@@ -153,10 +156,10 @@ def test_results_are_merged_without_mixing_runs_of_an_agent():
     results = published("learners.json")
     hoop = only("hoop", results)
     assert {cell["problem"] for cell in hoop["cells"]} == set(hoop["k_star"]) == {"hoop"}
-    both = merged(hoop, results)
+    both = merge(hoop, results)
     key = [(cell["problem"], cell["agent"], cell["seed"]) for cell in both["cells"]]
     assert len(set(key)) == len(key) == len(results["cells"])
     assert both["k_star"] == results["k_star"]
     first = hoop["cells"][0] | {"seed": 99}
-    mine = merged(hoop | {"cells": [first]}, hoop)["cells"]
+    mine = merge(hoop | {"cells": [first]}, hoop)["cells"]
     assert [cell["seed"] for cell in mine if cell["agent"] == first["agent"]] == [99]

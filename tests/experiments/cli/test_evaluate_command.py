@@ -117,8 +117,10 @@ def test_a_policy_of_ones_own_is_scored_and_drawn_beside_ours(monkeypatch, capsy
     assert (row["agent"], row["scenario"], row["success_rate"]) == ("Mine", "climb", 1)
     assert str(tmp_path / "mine.html") in err
     cells = {cell["agent"]: cell for cell in json.loads((tmp_path / "mine.json").read_text())["cells"]}
-    assert set(cells) == {"Mine", "pretrained", "expert", "tape", "pd"}
-    assert cells["Mine"]["flights"]["calm"]["steps"] == cells["pd"]["flights"]["calm"]["steps"] == [row["steps"]]
+    assert set(cells) == {"Mine", "pretrained", "expert", "open-loop", "pd"}
+    assert (
+        cells["Mine"]["episodes"]["nominal"]["steps"] == cells["pd"]["episodes"]["nominal"]["steps"] == [row["steps"]]
+    )
     assert "Mine" in (tmp_path / "mine.html").read_text()
 
 

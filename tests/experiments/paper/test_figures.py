@@ -11,7 +11,7 @@ from optimal.paths.corridors import paper_corridor
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Every case flown by the shooting road in its first winding, which is quick."""
+    """Every case flown by the shooting with winding 0 only, which is quick."""
     monkeypatch.setattr(figures, "solved", lambda name, _: solve(name, windings=(0,), starts=1))
 
 
@@ -54,7 +54,7 @@ def test_figures_4_and_5_end_at_the_goal_and_5_stays_between_its_outer_paths():
 
 
 @pytest.mark.usefixtures("quick")
-def test_figure_6_compares_two_roads_within_the_limits():
+def test_figure_6_compares_two_methods_within_the_limits():
     figure = figures.fig6()
     assert {trace.name.split(",")[0] for trace in figure.data} == {"flat", "shooting"}
     assert {shape.y0 for shape in figure.layout.shapes} == {1.0, 20.0, -10.0, 10.0}
@@ -67,14 +67,14 @@ def test_the_flat_flight_is_drawn_from_rest_to_rest():
 
 
 @pytest.fixture(scope="module")
-def judged():
+def verdicts():
     """A time that is impossible, one that is not, and a case without one."""
     rows = [
         ("horizontal-3", 0.8902, 0.8985, 0.8987, True),
         ("diagonal", 1.289, 1.2, 1.41, False),
         ("hoop", None, 1.4113, 1.4116, None),
     ]
-    keys = ("scenario", "printed_s", "lower_bound_s", "flown_s", "impossible")
+    keys = ("scenario", "printed_s", "lower_bound_s", "upper_bound_s", "impossible")
     return [
         {
             **dict(zip(keys, row, strict=True)),
@@ -86,33 +86,33 @@ def judged():
     ]
 
 
-def test_judged_times_lie_in_percent_of_the_bound_on_their_side_of_it(judged):
-    figure = figures.judged(judged)
-    (printed,), (flown,) = traces(figure, "printed"), traces(figure, "flown")
-    times = np.array([(row["printed_s"] or np.nan, row["flown_s"]) for row in judged])
-    bounds = np.array([row["lower_bound_s"] for row in judged])
+def test_times_lie_in_percent_of_the_bound_on_their_side_of_it(verdicts):
+    figure = figures.verdict_figure(verdicts)
+    (printed,), (certified,) = traces(figure, "printed"), traces(figure, "T* upper bound")
+    times = np.array([(row["printed_s"] or np.nan, row["upper_bound_s"]) for row in verdicts])
+    bounds = np.array([row["lower_bound_s"] for row in verdicts])
     np.testing.assert_allclose(bounds * (1 + np.array(printed.x) / 100), times[:, 0])
-    np.testing.assert_allclose(bounds * (1 + np.array(flown.x) / 100), times[:, 1])
-    assert (np.array(flown.x) >= 0).all()
+    np.testing.assert_allclose(bounds * (1 + np.array(certified.x) / 100), times[:, 1])
+    assert (np.array(certified.x) >= 0).all()
     (shade,) = figure.layout.shapes  # all that is impossible, and nothing else
     assert (shade.x0, shade.x1) == (figure.layout.xaxis.range[0], 0)
     low, high = figure.layout.xaxis.range
-    assert all(low < x < high for x in (*flown.x, *printed.x) if np.isfinite(x))
+    assert all(low < x < high for x in (*certified.x, *printed.x) if np.isfinite(x))
 
 
-def test_judged_labels_say_each_time_once_and_each_distance(judged):
-    notes = [note.text for note in figures.judged(judged).layout.annotations]
-    for row in judged:
-        assert notes.count(row["scenario"]) == notes.count(f"{row['flown_s']:.5f}") == 1
+def test_labels_say_each_time_once_and_each_distance(verdicts):
+    notes = [note.text for note in figures.verdict_figure(verdicts).layout.annotations]
+    for row in verdicts:
+        assert notes.count(row["scenario"]) == notes.count(f"{row['upper_bound_s']:.5f}") == 1
     assert {"\N{MINUS SIGN}0.92 %", "+0.02 %", "+7.42 %", "+17.50 %"} <= set(notes)
     assert not any("nan" in note for note in notes)
 
 
 @pytest.mark.usefixtures("quick")
-def test_all_figures_are_written(tmp_path, judged):
+def test_all_figures_are_written(tmp_path, verdicts):
     done = []
-    pages = figures.pages(judged)
+    pages = figures.pages(verdicts)
     figures.write(pages, tmp_path, lambda: done.append(1))
     assert {path.name for path in tmp_path.iterdir()} == {f"{name}.html" for name in pages} | {"plotly.min.js"}
-    assert set(pages) == {*(f"figure-{i}" for i in range(2, 7)), "judged"}
+    assert set(pages) == {*(f"figure-{i}" for i in range(2, 7)), "verdicts"}
     assert len(done) == 6

@@ -7,12 +7,13 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.cli import app
-from experiments.paper import figures, initialisation, tables, verdicts
+from experiments.paper import figures, initialisation, runs, verdicts
 from experiments.paper import printed as paper_printed
 from experiments.paper.comparison import COLUMNS, compare
 from experiments.paper.initialisation import INITIALISATION_COLUMNS, initialisation_study
 from experiments.paper.printed import PONTRYAGIN, PRINTED
-from experiments.paper.verdicts import JUDGED_COLUMNS, judge
+from experiments.paper.tables import comparison_table
+from experiments.paper.verdicts import VERDICT_COLUMNS, check_printed_time
 from experiments.publishing.paper import paper as paper_blocks
 from flatgym import SCENARIOS
 from optimal.direct.shooting import solve_winding
@@ -24,12 +25,12 @@ def row():
 
 
 @pytest.fixture(scope="module")
-def judged():
-    """The judgement of all cases, a few seconds' work."""
-    return pd.DataFrame([judge(name) for name in PRINTED], columns=list(JUDGED_COLUMNS))
+def checked():
+    """The verdicts on all cases; takes a few seconds."""
+    return pd.DataFrame([check_printed_time(name) for name in PRINTED], columns=list(VERDICT_COLUMNS))
 
 
-def test_the_order_of_the_roads(row):
+def test_the_order_of_the_methods(row):
     assert tuple(row) == COLUMNS
     # What is printed is faster than the optimum; no certified flight is.
     assert row["printed_s"] < row["lower_bound_s"] < row["shooting_s"] < row["flat_certified_s"]
@@ -49,36 +50,36 @@ def test_reference_8_is_known_where_the_paper_prints_it():
     assert all(paper_printed.in_free_space(name) for name in PONTRYAGIN)
 
 
-def test_no_flight_is_faster_than_the_bound_and_one_is_hardly_slower(judged):
-    assert (judged["lower_bound_s"] <= judged["flown_s"]).all()
-    assert (judged["gap"] <= paper_printed.MAX_GAP).all()
-    assert judged["gap"].tolist() == pytest.approx((judged["flown_s"] / judged["lower_bound_s"] - 1).tolist())
+def test_no_flight_is_faster_than_the_bound_and_one_is_hardly_slower(checked):
+    assert (checked["lower_bound_s"] <= checked["upper_bound_s"]).all()
+    assert (checked["gap"] <= paper_printed.MAX_GAP).all()
+    assert checked["gap"].tolist() == pytest.approx((checked["upper_bound_s"] / checked["lower_bound_s"] - 1).tolist())
 
 
-def test_all_printed_times_are_impossible_even_rounded_up(judged):
-    told = judged[judged["printed_s"].notna()]
+def test_all_printed_times_are_impossible_even_rounded_up(checked):
+    told = checked[checked["printed_s"].notna()]
     assert len(told) == 7
     assert told["impossible"].all()
     assert (told["scenario"].map(PRINTED).map(paper_printed.rounded_up) < told["lower_bound_s"]).all()
 
 
-def test_the_shortfall_leads_from_the_printed_time_to_the_bound(judged):
-    told = judged[judged["printed_s"].notna()]
+def test_the_shortfall_leads_from_the_printed_time_to_the_bound(checked):
+    told = checked[checked["printed_s"].notna()]
     assert (told["printed_s"] + told["shortfall_s"]).tolist() == pytest.approx(told["lower_bound_s"].tolist())
     assert (told["lower_bound_s"] * (1 - told["shortfall"])).tolist() == pytest.approx(told["printed_s"].tolist())
 
 
-def test_what_is_not_printed_is_not_judged(judged):
-    rows = judged.set_index("scenario")
+def test_a_case_without_a_printed_time_has_no_verdict(checked):
+    rows = checked.set_index("scenario")
     assert rows.loc["hoop", ["impossible", "reference_8_impossible"]].tolist() == [None, None]
     assert rows.loc["hoop", ["printed_s", "shortfall_s", "shortfall", "reference_8_s"]].isna().all()
     assert set(rows.index[rows["reference_8_impossible"].notna()]) == set(PONTRYAGIN)
 
 
-def test_no_flight_of_ours_is_ruled_out_by_a_bound_of_another_proof(judged, row):
-    mine = judged.set_index("scenario").loc["horizontal-3"]
+def test_no_flight_of_ours_is_ruled_out_by_a_bound_of_another_proof(checked, row):
+    mine = checked.set_index("scenario").loc["horizontal-3"]
     assert row["lower_bound_s"] == pytest.approx(mine["lower_bound_s"], rel=paper_printed.MAX_GAP)
-    assert mine["lower_bound_s"] <= min(row[road] for road in ("shooting_s", "flat_certified_s", "pontryagin_s"))
+    assert mine["lower_bound_s"] <= min(row[method] for method in ("shooting_s", "flat_certified_s", "pontryagin_s"))
 
 
 @pytest.mark.parametrize("printed", ["0.8902", "1.223", "1.4", "2"])
@@ -92,23 +93,25 @@ def test_a_time_is_impossible_only_if_all_times_printed_so_are(printed):
     assert paper_printed.impossible(None, longest) is None
 
 
-def test_verdicts_say_how_much_is_missing_and_never_raise_a_bound(judged):
-    read = verdicts.verdicts(judged).set_index("case")
+def test_verdicts_say_how_much_is_missing_and_never_raise_a_bound(checked):
+    read = verdicts.verdict_texts(checked).set_index("case")
     assert read["printed"].to_dict() == {name: printed or "-" for name, printed in PRINTED.items()}
-    assert (read["bound"].astype(float).to_numpy() <= judged["lower_bound_s"].to_numpy()).all()
-    assert read.loc["diagonal", "impossible by"] == "0.1220 s, 8.65%"
+    assert (read["lower bound"].astype(float).to_numpy() <= checked["lower_bound_s"].to_numpy()).all()
+    assert read.loc["diagonal", "impossible by"] == "0.1220 s, 8.65 %"
     assert read.loc["hoop", "impossible by"] == "-"
-    loose = judged.assign(impossible=[False if verdict else None for verdict in judged["impossible"]])
-    assert verdicts.verdicts(loose)["impossible by"].tolist() == ["not excluded"] * 7 + ["-"]
-    assert verdicts.judgement(judged).startswith("So 7 of the paper's 7 times are impossible, and 1 of the 6 ")
-    assert "(horizontal-3)" in verdicts.judgement(judged)
-    none = judged.assign(reference_8_impossible=[False if known else None for known in judged["reference_8_s"].notna()])
-    assert verdicts.judgement(none).endswith("and 0 of the 6 of its reference [8].")
+    loose = checked.assign(impossible=[False if verdict else None for verdict in checked["impossible"]])
+    assert verdicts.verdict_texts(loose)["impossible by"].tolist() == ["not excluded"] * 7 + ["-"]
+    assert verdicts.verdict_summary(checked).startswith("7 of the paper's 7 times are impossible, and 1 of the 6 ")
+    assert "(horizontal-3)" in verdicts.verdict_summary(checked)
+    none = checked.assign(
+        reference_8_impossible=[False if known else None for known in checked["reference_8_s"].notna()]
+    )
+    assert verdicts.verdict_summary(none).endswith("and 0 of the 6 of its reference [8].")
 
 
-@pytest.mark.parametrize("road", ["shooting", "pontryagin"])
-def test_direct_and_indirect_road_arrive_from_every_plain_start(road):
-    found = initialisation_study("horizontal-3", road)
+@pytest.mark.parametrize("method", ["shooting", "pontryagin"])
+def test_direct_and_indirect_methods_succeed_from_every_default_guess(method):
+    found = initialisation_study("horizontal-3", method)
     assert tuple(found) == INITIALISATION_COLUMNS
     assert found["succeeded"] == found["converged"] == found["starts"]
     assert found["best_s"] == pytest.approx(0.8987, abs=2e-4)
@@ -126,47 +129,47 @@ def test_only_certified_flights_near_the_best_succeed(monkeypatch):
         2: initialisation.Run(True, 20, slow.trajectory),
         3: initialisation.Run(False, 30, None),
     }
-    monkeypatch.setitem(initialisation.ROADS, "pretend", (lambda _, size: runs[size], 1, (1, 2, 3)))
+    monkeypatch.setitem(initialisation.METHODS, "pretend", (lambda _, size: runs[size], 1, (1, 2, 3)))
     found = initialisation_study("horizontal-3", "pretend")
     assert (found["starts"], found["converged"], found["succeeded"]) == (3, 2, 1)
     assert found["iterations"] == 10
-    monkeypatch.setitem(initialisation.ROADS, "pretend", (lambda *_: runs[3], 3, (3, 3)))
+    monkeypatch.setitem(initialisation.METHODS, "pretend", (lambda *_: runs[3], 3, (3, 3)))
     found = initialisation_study("horizontal-3", "pretend")
     assert (found["best_s"], found["succeeded"]) == (float("inf"), 0)
 
 
-def test_questions_ask_pontryagin_only_in_free_space():
-    asked = tables.questions()
+def test_the_indirect_method_runs_only_in_free_space():
+    asked = runs.row_tasks()
     assert len(asked) == len(set(asked)) == 8 * 5 + 6
-    assert {table for table, _ in asked} == set(tables.TABLES)
-    assert ("ease", ("hoop", "pontryagin")) not in asked
+    assert {table for table, _ in asked} == set(runs.TABLES)
+    assert ("initialisation", ("hoop", "pontryagin")) not in asked
 
 
-def test_tables_are_answered_in_their_own_processes(monkeypatch):
+def test_rows_are_computed_in_their_own_processes(monkeypatch):
     monkeypatch.setattr(
-        tables, "questions", lambda: [("ease", ("horizontal-3", "shooting")), ("judged", ("diagonal",))]
+        runs, "row_tasks", lambda: [("initialisation", ("horizontal-3", "shooting")), ("verdicts", ("diagonal",))]
     )
     done = []
-    found = tables.tables(lambda: done.append(1))
+    found = runs.compute_tables(lambda: done.append(1))
     assert {name: list(table.columns) for name, table in found.items()} == {
         "rows": list(COLUMNS),
-        "judged": list(JUDGED_COLUMNS),
-        "ease": list(INITIALISATION_COLUMNS),
+        "verdicts": list(VERDICT_COLUMNS),
+        "initialisation": list(INITIALISATION_COLUMNS),
     }
     assert found["rows"].empty
-    assert found["judged"]["scenario"].tolist() == ["diagonal"]
-    assert found["ease"]["road"].tolist() == ["shooting"]
+    assert found["verdicts"]["scenario"].tolist() == ["diagonal"]
+    assert found["initialisation"]["method"].tolist() == ["shooting"]
     assert len(done) == 2
 
 
 @pytest.fixture
-def pretended(row, judged, monkeypatch):
+def pretended(row, checked, monkeypatch):
     """All tables at hand, so that the command need not compute them, and one figure of the paper."""
     initialisation_table = dict(
         zip(INITIALISATION_COLUMNS, ("horizontal-3", "shooting", 0.8987, 24, 0.3, 0.02, 5, 5, 4), strict=True)
     )
-    at_hand = {"rows": pd.DataFrame([row]), "judged": judged, "ease": pd.DataFrame([initialisation_table])}
-    monkeypatch.setattr(tables, "tables", lambda **_: at_hand)
+    at_hand = {"rows": pd.DataFrame([row]), "verdicts": checked, "initialisation": pd.DataFrame([initialisation_table])}
+    monkeypatch.setattr(runs, "compute_tables", lambda **_: at_hand)
     monkeypatch.setattr(figures, "FIGURES", {"figure-2": figures.fig2})
 
 
@@ -176,27 +179,27 @@ def test_the_command_prints_and_writes_all_tables_and_the_figures(tmp_path):
     result = CliRunner().invoke(app.app, ["paper", "--json", "--out", str(out)])
     assert result.exit_code == 0
     printed, written = json.loads(result.stdout), json.loads(out.read_text())
-    assert printed == {key: written[key] for key in ("rows", "judged", "ease")}
-    assert [row["impossible"] for row in printed["judged"]] == [True] * 7 + [None]
-    assert {path.name for path in tmp_path.glob("*.html")} == {"figure-2.html", "judged.html"}
+    assert printed == {key: written[key] for key in ("rows", "verdicts", "initialisation")}
+    assert [row["impossible"] for row in printed["verdicts"]] == [True] * 7 + [None]
+    assert {path.name for path in tmp_path.glob("*.html")} == {"figure-2.html", "verdicts.html"}
     readable = " ".join(CliRunner().invoke(app.app, ["paper", "--out", str(out)]).stdout.split())
     assert "Pontryagin" in readable
-    assert "found" in readable
-    assert "which printed times are impossible" in readable
+    assert "optimum found" in readable
+    assert "Which printed times are impossible" in readable
     assert "7 of the paper's 7 times are impossible" in readable
 
 
 @pytest.mark.usefixtures("pretended")
-def test_readme_shows_all_tables_and_the_judged_figure(tmp_path):
+def test_readme_shows_all_tables_and_the_verdict_figure(tmp_path):
     out = tmp_path / "paper.json"
     assert CliRunner().invoke(app.app, ["paper", "--out", str(out)]).exit_code == 0
     results = json.loads(out.read_text())
     text = paper_blocks(results)
-    assert "| T* (shooting) | Pontryagin | [8] |" in text
-    assert "| diagonal | 1.289 | 1.41099 | 1.41128 | 0.020% | 0.1220 s, 8.65% |" in text
-    assert "published/judged.svg)" in text
+    assert "| T*, shooting | indirect | [8] |" in text
+    assert "| diagonal | 1.289 | 1.41099 | 1.41128 | 0.020 % | 0.1220 s, 8.65 % |" in text
+    assert "published/verdicts.svg)" in text
     assert "| shooting | 1 | 24 | 0.30 | 0.020 | 5 of 5 | 4 of 5 |" in text
     assert max(len(line) for line in text.splitlines() if not line.startswith(("|", "!"))) <= 118
-    # Results of an earlier run hold no judgement.
-    del results["judged"]
-    assert "judged" not in paper_blocks(results)
+    # Results of an earlier run hold no verdicts.
+    del results["verdicts"]
+    assert "verdicts.svg" not in paper_blocks(results)

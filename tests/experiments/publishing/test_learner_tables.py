@@ -7,28 +7,28 @@ import pytest
 
 from agents.evaluation.bootstrap import summary
 from experiments.benchmark.agents import NAMES
-from experiments.benchmark.formats import amount, rounded
-from experiments.benchmark.summary import flights, learnt_after, scored
+from experiments.benchmark.formats import format_count, format_percent
+from experiments.benchmark.summary import flights, samples_to_target, summarise
 from experiments.publishing.demonstrations import demos
 from experiments.publishing.learner_figure import picture
 from experiments.publishing.learners import efficiency, learners
 from experiments.publishing.policies import carded, pretrained
 
-CONDITIONS = {"calm": {}, "wind": {"wind": 0.5}, "delay": {"action_delay": 1}, "together": {"mass": 0.025}}
+CONDITIONS = {"nominal": {}, "wind": {"wind": 0.5}, "delay": {"action_delay": 1}, "combined": {"mass": 0.025}}
 K_STAR = {"hoop": [70, 70, 70, 70], "random-goal": [50, 60, 70, 80]}
 
 
 def cell(problem, agent, seed=0, steps=None, curve=(), **others):
     """Return a cell as the study writes it; `steps` by condition, all others as calm ones."""
     steps = steps or {}
-    flown = {name: {"steps": steps.get(name, steps.get("calm", K_STAR[problem]))} for name in CONDITIONS}
-    costs = {"env_steps": 0, "expert_steps": 0, "wall_time_s": 0.0, "planning_s": 0.25, "date": "2001-02-03T04"}
-    return {"problem": problem, "agent": agent, "seed": seed, "flights": flown, "curve": list(curve)} | costs | others
+    flown = {name: {"steps": steps.get(name, steps.get("nominal", K_STAR[problem]))} for name in CONDITIONS}
+    costs = {"env_steps": 0, "expert_labels": 0, "training_s": 0.0, "planning_s": 0.25, "date": "2001-02-03T04"}
+    return {"problem": problem, "agent": agent, "seed": seed, "episodes": flown, "curve": list(curve)} | costs | others
 
 
-def point(steps, success_rate, env_steps, expert_steps=0):
+def point(steps, success_rate, env_steps, expert_labels=0):
     """Return a point of a learning curve."""
-    return {"env_steps": env_steps, "expert_steps": expert_steps, "success_rate": success_rate, "steps": steps}
+    return {"env_steps": env_steps, "expert_labels": expert_labels, "success_rate": success_rate, "steps": steps}
 
 
 @pytest.fixture
@@ -37,22 +37,22 @@ def results():
     curve = [point(200, 0.0, 10_000), point(90, 1.0, 40_000), point(72, 1.0, 1_500_000)]
     shown = [point(70, 1.0, 12_000, 15_000)]
     cells = [
-        cell("random-goal", "pd", steps={"calm": [70, 84, 98, 112]}),
-        cell("hoop", "tape", steps={"wind": [70, None, None, None]}),
+        cell("random-goal", "pd", steps={"nominal": [70, 84, 98, 112]}),
+        cell("hoop", "open-loop", steps={"wind": [70, None, None, None]}),
         cell("hoop", "expert", steps={"wind": [72, 73, 74, 75]}),
-        cell("random-goal", "ppo", 0, {"calm": [55, 66, None, 88]}, curve, env_steps=2_000_000, wall_time_s=250.0),
-        cell("random-goal", "ppo", 1, {"calm": [51, 61, 71, 81]}, curve[:2], env_steps=2_000_000, wall_time_s=250.0),
-        cell("hoop", "dagger", 0, {"calm": [70, 70, 70, 70]}, shown, env_steps=12_000, expert_steps=15_000),
-        cell("hoop", "sac", 0, {"calm": [None] * 4}, curve[:1], env_steps=140_000),
+        cell("random-goal", "ppo", 0, {"nominal": [55, 66, None, 88]}, curve, env_steps=2_000_000, training_s=250.0),
+        cell("random-goal", "ppo", 1, {"nominal": [51, 61, 71, 81]}, curve[:2], env_steps=2_000_000, training_s=250.0),
+        cell("hoop", "dagger", 0, {"nominal": [70, 70, 70, 70]}, shown, env_steps=12_000, expert_labels=15_000),
+        cell("hoop", "sac", 0, {"nominal": [None] * 4}, curve[:1], env_steps=140_000),
     ]
     return {
-        "quick": False,
+        "smoke": False,
         "date": "2001-02-04T05",
         "versions": {"flatgym": "1", "stable-baselines3": "2", "torch": "3"},
         "machine": {"processor": "p", "system": "s", "cores": 2},
         "conditions": CONDITIONS,
         "k_star": K_STAR,
-        "k_check": {"hoop": 70.0, "random-goal": 66.0},
+        "validation_k_star": {"hoop": 70.0, "random-goal": 66.0},
         "cells": cells,
     }
 
@@ -78,11 +78,11 @@ def test_every_agent_has_a_line_in_both_tables_in_the_order_of_names(results):
 
 def test_scores_are_those_of_the_intervals_over_seeds_and_flights(results):
     rows = flights(results)
-    ppo = rows[(rows["agent"] == "ppo") & (rows["condition"] == "calm")]
+    ppo = rows[(rows["agent"] == "ppo") & (rows["condition"] == "nominal")]
     (wanted,) = summary(ppo).to_dict("records")
-    found = scored(results)["random-goal", "ppo", "calm"]
+    found = summarise(results)["random-goal", "ppo", "nominal"]
     assert {key: found[key] for key in wanted} == wanted
-    assert (found["runs"], found["flights"], found["success_rate"]) == (2, 8, 7 / 8)
+    assert (found["runs"], found["episodes"], found["success_rate"]) == (2, 8, 7 / 8)
     line = next(line for line in lines(learners(results)) if line[1] == "PPO")
     low, high = 100 * wanted["success_low"], 100 * wanted["success_high"]
     assert line[2] == f"88 % [{low:.0f}, {high:.0f}]"
@@ -105,21 +105,21 @@ def test_what_is_not_learnt_costs_nothing_and_what_never_succeeds_has_no_gap(res
 def test_feedback_beats_the_tape_only_where_its_interval_lies_above(results):
     assert "On `hoop` the expert's feedback beats its tape under wind." in words(learners(results))
     assert "A delay alone does nothing to a tape" in words(learners(results))
-    tape = next(one for one in results["cells"] if one["agent"] == "tape")
-    tape["flights"]["delay"]["steps"] = [None, 71, 71, 71]
-    tape["flights"]["wind"]["steps"] = [72, 72, 72, 72]
+    open_loop = next(one for one in results["cells"] if one["agent"] == "open-loop")
+    open_loop["episodes"]["delay"]["steps"] = [None, 71, 71, 71]
+    open_loop["episodes"]["wind"]["steps"] = [72, 72, 72, 72]
     assert "beats its tape under none." in words(learners(results))
     assert "A delay alone" not in words(learners(results))
 
 
 def test_small_sizes_are_told(results):
     assert "numbers mean nothing" not in words(learners(results))
-    assert "numbers mean nothing" in words(learners(results | {"quick": True}))
+    assert "numbers mean nothing" in words(learners(results | {"smoke": True}))
 
 
 def test_learnt_is_what_is_reliable_and_near():
     curve = [point(75, 0.5, 1000, 5), point(80, 1.0, 2000, 5), point(76, 0.9, 3000, 5), point(70, 1.0, 4000, 5)]
-    assert learnt_after({"curve": curve}, 70.0) == 3005
+    assert samples_to_target({"curve": curve}, 70.0) == 3005
     assert efficiency([3005.0, float("nan"), 5005.0]) == "4.0 k (2/3)"
     assert efficiency([float("nan")]) == "never"
 
@@ -128,11 +128,11 @@ def test_learnt_is_what_is_reliable_and_near():
     ("rate", "text"), [(1, "100 %"), (0.9994, "99.9 %"), (0.875, "88 %"), (0.001, "0.1 %"), (0, "0 %")]
 )
 def test_only_what_is_whole_is_rounded_to_a_whole(rate, text):
-    assert rounded(rate) == text
+    assert format_percent(rate) == text
 
 
 def test_amounts_have_units():
-    assert [amount(count) for count in (0, 4599, 1_500_000)] == ["-", "4.6 k", "1.50 M"]
+    assert [format_count(count) for count in (0, 4599, 1_500_000)] == ["-", "4.6 k", "1.50 M"]
 
 
 def test_the_picture_shows_every_agent_and_every_run_that_learnt(results):
@@ -155,7 +155,7 @@ def test_policies_stand_with_what_their_cards_say(tmp_path):
     (tmp_path / "hoop.zip").write_bytes(bytes(123_456))
     text = pretrained(tmp_path)
     assert lines(text) == [["`hoop`", "DAgger", "100 %", "70", "70", "+0.0 %", "13.0 k", "26", "123"]]
-    assert "- `hoop`: `make hoop`" in text
+    assert "- `hoop`: `run_cell hoop`" in text
     failed = carded({"score": card["score"] | {"steps": None, "gap": None, "success_rate": 0.0}})
     assert failed[1:5] == ["0 %", "-", "70", "-"]
 

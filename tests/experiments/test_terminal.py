@@ -1,0 +1,50 @@
+"""Tables on the terminal: no broken words, no lost brackets, good at 80 and at 60 columns."""
+
+import pytest
+from rich.console import Console
+
+from experiments import terminal
+
+HEAD = ["task", "agent", "gap to K*", "training time [s]"]
+ROWS = [["random-goal", "open-loop replay", "+36.3 % [35.5, 37.0]", "1219"], ["hoop", "[bold]PPO", "-", "-"]]
+
+
+@pytest.fixture
+def printed(monkeypatch, capsys):
+    """A function that prints a table at a width and returns its lines."""
+
+    def lines(width, *arguments):
+        monkeypatch.setattr(terminal, "screen", Console(width=width))
+        terminal.table(*arguments)
+        return capsys.readouterr().out.splitlines()
+
+    return lines
+
+
+def test_a_table_that_fits_has_a_line_for_each_row(printed):
+    title, head, _, *rows, end = printed(80, "Scores [s]", HEAD, ROWS)
+    assert title == "Scores [s]"
+    assert end == ""
+    assert head.split("  ")[-1] == "training time [s]"
+    assert [row.split()[0] for row in rows] == ["random-goal", "hoop"]
+    assert "[bold]PPO" in rows[1]
+
+
+def test_a_narrow_table_wraps_between_words_and_keeps_numbers_with_their_units(printed):
+    lines = printed(46, "Scores", HEAD, ROWS)
+    assert max(map(len, lines)) <= 46
+    words = " ".join(lines).split()
+    assert {"random-goal", "open-loop", "replay", "1219", "training"} <= set(words)
+    assert any("+36.3 %" in line for line in lines)
+    assert any("[35.5, 37.0]" in line for line in lines)
+
+
+def test_optional_columns_are_left_out_before_rows_become_blocks(printed):
+    assert not any("training" in line for line in printed(38, "Scores", HEAD, ROWS, ["training time [s]"]))
+    blocks = printed(30, "Scores", HEAD, ROWS)
+    assert blocks[1:3] == ["random-goal", "  agent: open-loop replay"]
+
+
+def test_numbers_are_aligned_to_the_right():
+    assert all(map(terminal.numeric, ["1.5", "+4.9 %", "-0.1", "-", "≤ 0.35 s", "67x"]))
+    assert not any(map(terminal.numeric, ["hoop", "yes", "(5, 5)"]))
