@@ -1,15 +1,15 @@
 """Differential flatness, section II-A: states and inputs as functions of an output and its derivatives.
 
-A system  x' = f(x, u)  (1)  is flat with the output y when
+A system  x' = f(x, u)  (1)  is flat with the output y if
 
-    x = Phi(y, y', ..., y^(beta-1)),      u = Psi(y, y', ..., y^(beta)),                      (2)
+    x = Phi(y, y', ..., y^(beta-1)),      u = Psi(y, y', ..., y^(beta)).                      (2)
 
-so that any smooth enough curve y(t) is a motion of the system, and nothing has to be integrated.
-The list y, y', ..., y^(beta) is called the jet here.
+Any sufficiently smooth curve y(t) is then a motion of the system, and no integration is needed. The list
+y, y', ..., y^(beta) is called the jet.
 
-A system is one file: a subclass that writes f and, as far as it is not a plain time derivative, Phi
-and Psi. CasADi supplies the rest: `time_derivative` differentiates along a jet, `flat_jet` goes
-the other way, from a state and a held input to the jet, by Lie derivatives along f.
+Each system is a subclass in its own file. It implements f, the output, and the parts of Phi and Psi that are not plain
+time derivatives. CasADi provides the rest: `time_derivative` differentiates an expression along a jet, and `flat_jet`
+computes the jet of a state and a held input by Lie derivatives along f.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from optimal.paths.chain_rule import composed
 Symbol = Any
 """A CasADi expression."""
 Jet = Sequence[Symbol]
-"""The flat output and its time derivatives, each a column of one entry for each output."""
+"""The flat output and its time derivatives, each a column with one entry for each output."""
 
 
 class FlatSystem(ABC):
@@ -38,8 +38,8 @@ class FlatSystem(ABC):
 
     Attributes:
         outputs, states, inputs: names, each ending with its unit as in exported files (`x_m`).
-        order: beta, the highest derivative of the outputs that the inputs depend on.
-        angles: indices of states that are angles, to be followed beyond half a turn.
+        order: beta, the highest derivative of the outputs on which the inputs depend.
+        angles: indices of states that are angles, which are unwrapped along a motion.
     """
 
     outputs: ClassVar[tuple[str, ...]]
@@ -58,19 +58,19 @@ class FlatSystem(ABC):
 
     @abstractmethod
     def inverse(self, jet: Jet) -> tuple[Symbol, Symbol]:
-        """Return state and input of a jet up to order beta, Phi and Psi of eq. (2)."""
+        """Return the state and the input of a jet up to order beta: Phi and Psi of eq. (2)."""
 
     @abstractmethod
     def limits(self) -> tuple[Array, Array, Array, Array]:
-        """Return least and greatest states, least and greatest inputs; infinite where there is no limit."""
+        """Return least states, greatest states, least inputs and greatest inputs; infinite without a limit."""
 
     def lift(self) -> Lift:
-        """Return what stands beside the jet in a program; by default nothing, and limits are read off `inverse`."""
+        """Return the lifted unknowns of a program. By default there are none, and limits are imposed on `inverse`."""
         return Lift(self)
 
     @cached_property
     def bounds(self) -> tuple[NDArray[np.intp], Array, Array, Array]:
-        """The limited entries of (state, input): indices, scales, and least and greatest values over scale."""
+        """The limited entries of (state, input): indices, scales, and least and greatest values divided by scale."""
         state_low, state_high, input_low, input_high = self.limits()
         low, high = np.concatenate([state_low, input_low]), np.concatenate([state_high, input_high])
         which = np.flatnonzero(np.isfinite(low) | np.isfinite(high))
@@ -79,7 +79,7 @@ class FlatSystem(ABC):
         return which, scale, low[which] / scale, high[which] / scale
 
     def limited_values(self, jet: Sequence[ArrayLike]) -> Array:
-        """Return the limited quantities of numeric jets over their scales, shape (..., limits)."""
+        """Return the limited quantities of numeric jets, divided by their scales, shape (..., limits)."""
         which, scale, _, _ = self.bounds
         return np.concatenate(self.state_and_input(jet), axis=-1)[..., which] / scale
 
@@ -90,21 +90,21 @@ class FlatSystem(ABC):
         return ca.Function("inverse", jet, list(self.inverse(jet)))
 
     def state_and_input(self, jet: Sequence[ArrayLike]) -> tuple[Array, Array]:
-        """Return the states (..., n) and inputs (..., m) of numeric jets: beta + 1 arrays of shape (..., outputs)."""
+        """Return the states (..., n) and inputs (..., m) of numeric jets, beta + 1 arrays of shape (..., outputs)."""
         columns = [np.asarray(y, dtype=np.float64) for y in jet]
         shape = columns[0].shape[:-1]
-        found = self.symbolic_inverse(*(y.reshape(-1, y.shape[-1]).T for y in columns))
-        state, control = (np.array(part).T.reshape(*shape, -1) for part in found)
+        parts = self.symbolic_inverse(*(y.reshape(-1, y.shape[-1]).T for y in columns))
+        state, control = (np.array(part).T.reshape(*shape, -1) for part in parts)
         return state, control
 
     def flat_jet(self, state: ArrayLike, control: ArrayLike) -> list[Array]:
-        """Return the jet, up to order beta, of a state (n,) while an input (m,) is held."""
+        """Return the jet up to order beta of a state (n,) under a held input (m,)."""
         x, u = ca.SX.sym("x", len(self.states)), ca.SX.sym("u", len(self.inputs))
         jet = [self.output(x)]
         for _ in range(self.order):
             jet.append(ca.jtimes(jet[-1], x, self.dynamics(x, u)))
-        found = ca.Function("jet", [x, u], jet)(np.asarray(state), np.asarray(control))
-        return [np.array(y).ravel() for y in found]
+        values = ca.Function("jet", [x, u], jet)(np.asarray(state), np.asarray(control))
+        return [np.array(y).ravel() for y in values]
 
     def derivative(self, state: ArrayLike, control: ArrayLike) -> Array:
         """Return f(x, u) of a numeric state (n,) and input (m,), shape (n,), for an integrator."""
@@ -117,16 +117,16 @@ class FlatSystem(ABC):
 
 
 class Lift:
-    """Unknowns beside the jet at each check of a program, tied to it, so that limits become boxes.
+    """Additional unknowns of a program at each check, coupled to the jet, with which limits become simple bounds.
 
-    A limit on an input is often a hard function of the jet (a square root, an arc tangent, a
-    quotient) and easy in terms of a few of the states. This base lifts nothing.
+    A limit of an input is often a strongly nonlinear function of the jet (a square root, an arc tangent, a quotient),
+    and a simple function of a few states. This base class has no additional unknowns.
 
     Attributes:
-        names: what the unknowns are.
+        names: names of the unknowns.
         low, high: their least and greatest values.
-        rest: their values where the system rests; NaN where they may be anything.
-        guess: where to begin.
+        rest: their values when the system is at rest; NaN for any value.
+        guess: their initial guess.
     """
 
     names: tuple[str, ...] = ()
@@ -139,23 +139,23 @@ class Lift:
         self.system = system
 
     def coupling(self, jet: Jet, lifted: Symbol) -> Symbol:  # noqa: ARG002
-        """Return what vanishes when the unknowns belong to the jet, which is given up to order beta - 1."""
+        """Return the residuals that vanish if the unknowns agree with the jet, which is given up to order beta - 1."""
         return ca.SX(0, 1)
 
     def limited_quantities(self, jet: Jet, lifted: Symbol) -> Symbol:  # noqa: ARG002
-        """Return the system's limited quantities, in the order and the scale of `FlatSystem.bounds`."""
+        """Return the limited quantities of the system, in the order and the scale of `FlatSystem.bounds`."""
         which, scale, _, _ = self.system.bounds
         return ca.vertcat(*self.system.symbolic_inverse(*jet))[which.tolist()] / scale
 
     def least_turning_time(self, before: Symbol, after: Symbol) -> Symbol:  # noqa: ARG002
-        """Return the least times [s] in which the unknowns can change from one check's to the next's."""
+        """Return the least times [s] in which the unknowns can change between two neighbouring checks."""
         return ca.SX(0, 1)
 
 
 def time_derivative(expression: Symbol, jet: Jet) -> Symbol:
-    """Return d/dt of an expression of a jet; the jet's last order may not occur in it.
+    """Return d/dt of an expression of a jet, sum_k (d expression / d y^(k)) y^(k+1).
 
-    By the chain rule, sum_k (d expression / d y^(k)) y^(k+1).
+    The expression must not depend on the last order of the jet.
     """
     return sum((ca.jtimes(expression, y, after) for y, after in pairwise(jet)), ca.SX(0))
 
@@ -165,14 +165,14 @@ def along_path(path: Sequence[Any], squared_speed: Sequence[Any]) -> list[Any]:
 
     Args:
         path: y and its derivatives with respect to s, up to order beta.
-        squared_speed: b and its derivatives with respect to s, up to order beta - 1; arrays broadcast
-            against the path's, or symbols.
+        squared_speed: b and its derivatives with respect to s, up to order beta - 1: symbols, or arrays that
+            broadcast against those of the path.
 
     Returns:
-        y and its derivatives with respect to time, as many as the path has.
+        y and its derivatives with respect to time, up to order beta.
 
-    Eq. (6), with its misprints corrected (ds/dt squared is b, and the second derivative b'/2), goes on
-    as d^i s/dt^i = 1/2 d^(i-2) b'/dt^(i-2).
+    The misprints of eq. (6) are corrected: (ds/dt)^2 = b, and d2s/dt2 = b'/2. Higher derivatives are
+    d^i s/dt^i = 1/2 d^(i-2) b'/dt^(i-2).
     """
     motion = [squared_speed[0] ** 0.5]
     for i in range(2, len(path)):

@@ -2,17 +2,17 @@
 
 With R = Rz(yaw) Ry(pitch) Rx(roll) from body to world and n = R e_z the direction of the thrust,
 
-    p'' = f n - g e_z,    R' = R [p, q, r]x,
+    p'' = f n - g e_z,    R' = R [p, q, r]x.
 
-so that thrust and n follow from the acceleration, pitch and roll from n turned back by the yaw,
+The acceleration gives f and n. Pitch and roll follow from n rotated back by the yaw,
 
     Rz(-yaw) n = (sin(pitch) cos(roll), -sin(roll), cos(pitch) cos(roll)),
 
-and the body rates from R' , a time derivative. The pitch may be any angle; |roll| stays below a
-quarter turn, where the yaw of a given R would be undetermined. Where R itself is asked for its yaw,
-the vehicle is taken to be upright. (Mellinger and Kumar 2011.)
+and the body rates from the time derivative R'. The pitch is unrestricted. |roll| must be below a quarter turn, because
+the yaw of R is undetermined beyond. Where the yaw is read from R, the vehicle is assumed to be upright. (Mellinger and
+Kumar 2011.)
 
-In a program, yaw, pitch, roll and thrust stand beside the jet; see `optimal.systems.planar_quadrotor`.
+In a program, yaw, pitch, roll and thrust are lifted unknowns; see `optimal.systems.planar_quadrotor`.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ import numpy as np
 from flatgym.quadrotor import Array
 from optimal.systems.flat_system import FlatSystem, Jet, Lift, Symbol, time_derivative
 
-CHORD = 1e-6
-"""What keeps the length of a turn smooth where there is none (a chord of 1e-3 rad)."""
+CHORD_SMOOTHING = 1e-6
+"""Added to the squared length of a turn to keep it differentiable at zero (a chord of 1e-3 rad)."""
 
 
 @dataclass(frozen=True)
 class FullQuadrotor(FlatSystem):
-    """A quadrotor in space, steered by thrust and body rates.
+    """A quadrotor in space with thrust and body rates as inputs.
 
     The state is position, velocity and the nine entries of R, column by column.
 
@@ -41,7 +41,7 @@ class FullQuadrotor(FlatSystem):
         gravity: gravitational acceleration [m/s^2].
 
     Raises:
-        ValueError: for limits that leave no way to hover or to turn.
+        ValueError: for limits under which the vehicle cannot hover or turn.
     """
 
     thrust_min: float = 1.0
@@ -73,14 +73,14 @@ class FullQuadrotor(FlatSystem):
         return ca.vertcat(state[3:6], acceleration, ca.vec(attitude @ ca.skew(control[1:])))
 
     def output(self, state: Symbol) -> Symbol:
-        """Return position and yaw; the vehicle is taken to be upright."""
+        """Return position and yaw. The vehicle is assumed to be upright."""
         return ca.vertcat(state[:3], ca.atan2(state[7], state[6]))
 
     def inverse(self, jet: Jet) -> tuple[Symbol, Symbol]:
-        """Return state and input: thrust and attitude in closed form, rates as time derivatives."""
-        push = jet[2][:3] + ca.DM([0, 0, self.gravity])
-        thrust, yaw = ca.norm_2(push), jet[0][3]
-        direction = _about_z(-yaw) @ push / thrust
+        """Return state and input: thrust and attitude in closed form, body rates by a time derivative."""
+        force = jet[2][:3] + ca.DM([0, 0, self.gravity])
+        thrust, yaw = ca.norm_2(force), jet[0][3]
+        direction = _about_z(-yaw) @ force / thrust
         cos_roll = ca.sqrt(direction[0] ** 2 + direction[2] ** 2)
         attitude = _attitude(yaw, direction[0] / cos_roll, direction[2] / cos_roll, -direction[1], cos_roll)
         turning = ca.reshape(time_derivative(ca.vec(attitude), jet), 3, 3)
@@ -88,17 +88,17 @@ class FullQuadrotor(FlatSystem):
         return ca.vertcat(jet[0][:3], jet[1][:3], ca.vec(attitude)), ca.vertcat(thrust, rates)
 
     def limits(self) -> tuple[Array, Array, Array, Array]:
-        """Return the limits of thrust and rates; states are free."""
+        """Return the limits of thrust and body rates; states are unlimited."""
         free, rates = np.full(15, np.inf), np.full(3, float(self.rate_max))
         return -free, free, np.append(self.thrust_min, -rates), np.append(self.thrust_max, rates)
 
     def lift(self) -> Lift:
-        """Return the attitude and the thrust as unknowns."""
+        """Return attitude and thrust as lifted unknowns."""
         return Attitude(self)
 
 
 class Attitude(Lift):
-    """Yaw, pitch, roll and thrust as unknowns of a program."""
+    """Yaw, pitch, roll and thrust as lifted unknowns of a program."""
 
     names = ("yaw", "pitch", "roll", "thrust")
 
@@ -110,13 +110,13 @@ class Attitude(Lift):
         self.rest, self.guess = (np.nan, 0.0, 0.0, np.nan), (0.0, 0.0, 0.0, system.gravity)
 
     def coupling(self, jet: Jet, lifted: Symbol) -> Symbol:
-        """Return the difference of the yaws, and p'' + g e_z - f n divided by gravity."""
-        push = jet[2][:3] + ca.DM([0, 0, self.quadrotor.gravity])
-        missing = push - lifted[3] * self._attitude(lifted)[:, 2]
+        """Return the difference of the yaws, and p'' + g e_z - f n divided by g."""
+        force = jet[2][:3] + ca.DM([0, 0, self.quadrotor.gravity])
+        missing = force - lifted[3] * self._attitude(lifted)[:, 2]
         return ca.vertcat(jet[0][3] - lifted[0], missing / self.quadrotor.gravity)
 
     def limited_quantities(self, jet: Jet, lifted: Symbol) -> Symbol:
-        """Return thrust and body rates over their limits: the jerk is f' n + f (q x_body - p y_body)."""
+        """Return thrust and body rates divided by their limits, from the jerk f' n + f (q x_body - p y_body)."""
         pitch, roll, thrust = lifted[1], lifted[2], lifted[3]
         across = self._attitude(lifted).T @ jet[3][:3] / thrust
         yaw_rate = (jet[1][3] * ca.cos(pitch) - across[0] * ca.sin(roll)) / ca.cos(roll)
@@ -124,9 +124,9 @@ class Attitude(Lift):
         return ca.vertcat(thrust / self.quadrotor.thrust_max, rates)
 
     def least_turning_time(self, before: Symbol, after: Symbol) -> Symbol:
-        """Return the time in which the thrust's direction, turning with two rates, can pass the chord."""
+        """Return the least time in which two body rates turn the thrust direction by the chord."""
         chord = self._attitude(after)[:, 2] - self._attitude(before)[:, 2]
-        return ca.sqrt(ca.sumsqr(chord) + CHORD) / (np.sqrt(2) * self.quadrotor.rate_max)
+        return ca.sqrt(ca.sumsqr(chord) + CHORD_SMOOTHING) / (np.sqrt(2) * self.quadrotor.rate_max)
 
     @staticmethod
     def _attitude(lifted: Symbol) -> Symbol:

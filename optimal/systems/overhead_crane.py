@@ -1,12 +1,12 @@
-"""An overhead crane: a trolley on a rail, a hoist, and a load on a rope that never slackens.
+"""An overhead crane: a trolley on a rail, a hoist, and a load on a taut rope.
 
-The trolley is at (X, 0); the load hangs at x = X + L sin(sway), z = -L cos(sway). The tension pulls
-along the rope, so that x'' / (z'' + g) = -tan(sway), and the load's position is a flat output:
+The trolley is at (X, 0). The load hangs at x = X + L sin(sway), z = -L cos(sway). The tension acts along the rope, so
+x'' / (z'' + g) = -tan(sway), and the position of the load is a flat output:
 
-    tan(sway) = -x'' / (z'' + g),    X = x + z tan(sway),    L = -z / cos(sway),
+    tan(sway) = -x'' / (z'' + g),    X = x + z tan(sway),    L = -z / cos(sway).
 
-with trolley and hoist accelerations X'' and L'' as inputs, of fourth order in y = (x, z). All
-further derivatives are CasADi's. (Fliess, Levine, Martin and Rouchon 1995 treat this crane.)
+The inputs are the accelerations X'' of the trolley and L'' of the hoist, of fourth order in y = (x, z). CasADi computes
+the further derivatives. (Fliess, Levine, Martin and Rouchon 1995 treat this crane.)
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from optimal.systems.flat_system import FlatSystem, Jet, Symbol, time_derivative
 
 @dataclass(frozen=True)
 class OverheadCrane(FlatSystem):
-    """A crane whose trolley and hoist are driven by their accelerations.
+    """A crane with the accelerations of trolley and hoist as inputs.
 
     Attributes:
         trolley_max, hoist_max: limits of the accelerations [m/s^2].
         sway_max: limit of the rope's angle from the vertical [rad].
-        rope_min: the shortest rope [m].
+        rope_min: least rope length [m].
         gravity: gravitational acceleration [m/s^2].
 
     Raises:
@@ -51,7 +51,7 @@ class OverheadCrane(FlatSystem):
                 raise ValueError(f"OverheadCrane.{name} must be positive, got {getattr(self, name)!r}")
 
     def dynamics(self, state: Symbol, control: Symbol) -> Symbol:
-        """Return the pendulum of changing length: L sway'' = -X'' cos(sway) - 2 L' sway' - g sin(sway)."""
+        """Return the dynamics of a pendulum of varying length: L sway'' = -X'' cos(sway) - 2 L' sway' - g sin(sway)."""
         rope, sway = state[1], state[2]
         rope_speed, sway_speed = state[4], state[5]
         pull = control[0] * ca.cos(sway) + 2 * rope_speed * sway_speed + self.gravity * ca.sin(sway)
@@ -62,12 +62,12 @@ class OverheadCrane(FlatSystem):
         return ca.vertcat(state[0] + state[1] * ca.sin(state[2]), -state[1] * ca.cos(state[2]))
 
     def inverse(self, jet: Jet) -> tuple[Symbol, Symbol]:
-        """Return state and input: sway, trolley and rope in closed form, the others as time derivatives."""
+        """Return state and input: trolley, rope and sway in closed form, the others by time derivatives."""
         (x, z), up = ca.vertsplit(jet[0]), jet[2][1] + self.gravity
         slope = 0 - jet[2][0] / up
-        place = ca.vertcat(x + z * slope, 0 - z * ca.sqrt(1 + slope**2), ca.atan(slope))
-        speed = time_derivative(place, jet)
-        return ca.vertcat(place, speed), time_derivative(speed, jet)[:2]
+        position = ca.vertcat(x + z * slope, 0 - z * ca.sqrt(1 + slope**2), ca.atan(slope))
+        speed = time_derivative(position, jet)
+        return ca.vertcat(position, speed), time_derivative(speed, jet)[:2]
 
     def limits(self) -> tuple[Array, Array, Array, Array]:
         """Return the limits of rope, sway and both accelerations."""

@@ -5,11 +5,11 @@
 
 Misprint corrected: the paper prints the numerator as x'' (z'' + g) - x'' z''.
 
-In a program, tilt and thrust stand beside the jet, tied to it by x'' = f sin(theta) and
-z'' + g = f cos(theta), so that every limit is a box. It also makes the problem connected.
-Admissible thrust vectors fill a ring, 1 <= f <= 20; between two checks the vector could cut
-through its hole, turning by half a turn in no time. So between checks the tilt may turn by no more
-than rate_max times the time that passes, which every flight obeys.
+In a program, tilt and thrust are lifted unknowns, coupled to the jet by x'' = f sin(theta) and z'' + g = f cos(theta).
+Every limit is then a simple bound. The lift also keeps the feasible set connected. Admissible thrust vectors form a
+ring, 1 <= f <= 20. Between two checks the vector could cross the hole of the ring, turning by half a turn in no time.
+A constraint therefore limits the turn of the tilt between two checks to rate_max times the elapsed time, which every
+flight satisfies.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class PlanarQuadrotor(FlatSystem):
         return state[:2]
 
     def inverse(self, jet: Jet) -> tuple[Symbol, Symbol]:
-        """Return state and input in closed form."""
+        """Return state and input in closed form, eqs. (3)-(5)."""
         position, velocity, acceleration, jerk = jet
         side, up = acceleration[0], acceleration[1] + self.quadrotor.gravity
         square = side**2 + up**2
@@ -58,17 +58,17 @@ class PlanarQuadrotor(FlatSystem):
         return ca.vertcat(position, velocity, ca.atan2(side, up)), ca.vertcat(ca.sqrt(square), rate)
 
     def limits(self) -> tuple[Array, Array, Array, Array]:
-        """Return the limits of thrust and rate; states are free."""
+        """Return the limits of thrust and rate; states are unlimited."""
         free = np.full(5, np.inf)
         return -free, free, self.quadrotor.control_low, self.quadrotor.control_high
 
     def lift(self) -> Lift:
-        """Return tilt and thrust as unknowns."""
+        """Return tilt and thrust as lifted unknowns."""
         return TiltAndThrust(self)
 
 
 class TiltAndThrust(Lift):
-    """Tilt and thrust as unknowns of a program."""
+    """Tilt and thrust as lifted unknowns of a program."""
 
     names = ("tilt", "thrust")
 
@@ -79,18 +79,18 @@ class TiltAndThrust(Lift):
         self.rest, self.guess = (0.0, np.nan), (0.0, q.gravity)
 
     def coupling(self, jet: Jet, lifted: Symbol) -> Symbol:
-        """Return eqs. (3) and (4), divided by gravity."""
+        """Return the residuals of eqs. (3) and (4), divided by g."""
         tilt, thrust, q = lifted[0], lifted[1], self.quadrotor
         missing = jet[2] - thrust * ca.vertcat(ca.sin(tilt), ca.cos(tilt)) + ca.DM([0.0, q.gravity])
         return missing / q.gravity
 
     def limited_quantities(self, jet: Jet, lifted: Symbol) -> Symbol:
-        """Return thrust and rate over their limits; the rate by projecting the jerk across the thrust."""
+        """Return thrust and rate divided by their limits. The rate is the jerk across the thrust over the thrust."""
         tilt, thrust, q = lifted[0], lifted[1], self.quadrotor
         rate = (jet[3][0] * ca.cos(tilt) - jet[3][1] * ca.sin(tilt)) / thrust
         return ca.vertcat(thrust / q.thrust_max, rate / q.rate_max)
 
     def least_turning_time(self, before: Symbol, after: Symbol) -> Symbol:
-        """Return the times the tilt needs to turn, in either direction."""
+        """Return the least time of the turn of the tilt, with both signs."""
         turn = (after[0] - before[0]) / self.quadrotor.rate_max
         return ca.vertcat(turn, -turn)

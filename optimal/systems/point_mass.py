@@ -1,7 +1,7 @@
-"""A point mass pushed along each axis: y'' = u, with limits on every velocity and acceleration.
+"""A point mass with an acceleration along each axis: y'' = u, with limits of velocities and accelerations.
 
-The simplest flat system (state and input are the jet itself), a gantry robot or an axis of a machine
-tool, and the one for which path following has known solutions: all limits are of second order.
+This is the simplest flat system: state and input are the jet itself. It models a gantry robot or the axes of a machine
+tool. All limits are of second order, and path following has known solutions.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class PointMass(FlatSystem):
         return ca.vertcat(jet[0], jet[1]), jet[2]
 
     def limits(self) -> tuple[Array, Array, Array, Array]:
-        """Return the limits of velocity and acceleration; the position is free."""
+        """Return the limits of velocity and acceleration; the position is unlimited."""
         state = np.array([np.inf, np.inf, self.speed_max, self.speed_max])
         control = np.full(2, float(self.acceleration_max))
         return -state, state, -control, control
