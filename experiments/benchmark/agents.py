@@ -1,4 +1,4 @@
-"""TODO experiments/benchmark/agents.py."""
+"""Names, order and colours of the agents in tables and figures."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ NAMES = {
     "dagger": "DAgger",
     "bc-ppo": "BC, then PPO",
     "expert": "expert",
-    "replanner": "expert, planning anew",
-    "expert-rim": "expert along the rim",
-    "tape": "tape of the expert",
+    "mpc": "MPC",
+    "expert-no-margin": "expert, no margin",
+    "open-loop": "open-loop replay",
     "pd": "cascaded PD",
     "pretrained": "pretrained",
 }
-"""What agents are called, in the order of the tables."""
-PAINT = dict(zip(NAMES, (*COLOURS, FLAME), strict=False))
-"""Colours of what is learnt; the others are grey."""
+"""Display names, in the order of the tables."""
+LEARNER_COLOURS = dict(zip(NAMES, (*COLOURS, FLAME), strict=False))
+"""Colours of the trained agents, which come first in NAMES. All others are grey."""
 
 
-def called(agent: str) -> str:
-    """Return what an agent is called: the name in NAMES, or its own where it is not of the study."""
+def display_name(agent: str) -> str:
+    """Return the display name of an agent; an external policy keeps its own name."""
     return NAMES.get(agent, agent)
 
 
-def place(agent: str) -> int:
-    """Return an agent's place in the tables: the order of NAMES, others behind."""
+def table_position(agent: str) -> int:
+    """Return the position of an agent in the tables; external policies come last."""
     return list(NAMES).index(agent) if agent in NAMES else len(NAMES)
 
 
 def colour(agent: str) -> str:
     """Return the colour of an agent."""
-    return PAINT.get(agent, OUTLINE)
+    return LEARNER_COLOURS.get(agent, OUTLINE)

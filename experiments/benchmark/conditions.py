@@ -1,60 +1,65 @@
-"""TODO experiments/benchmark/conditions.py."""
+"""The conditions an agent is evaluated under: nominal, and with disturbances."""
 
 from __future__ import annotations
 
 import time
 from collections import Counter
 
-from agents.evaluation.rollouts import CALM as NO_DISTURBANCES
 from agents.evaluation.rollouts import fly
-from agents.evaluation.scores import flight_rows
+from agents.evaluation.scores import score_episodes
 from agents.policies.policy import Policy
 from experiments.files import Row
-from experiments.recipes.lesson import RunSpec
+from experiments.recipes.run_spec import RunSpec
 from flatgym.scenarios.disturbances import Disturbances
 from flatgym.scenarios.reference import EVALUATION_SEED
 
-CALM = "calm"
-"""The condition without disturbances."""
+NOMINAL, COMBINED = "nominal", "combined"
+"""The condition without disturbances, and the one with several at once."""
 CONDITIONS = {
-    CALM: NO_DISTURBANCES,
+    NOMINAL: Disturbances(),
     "wind": Disturbances(wind=0.5),
     "mass": Disturbances(mass=0.05),
     "delay": Disturbances(action_delay=1),
-    "together": Disturbances(wind=0.25, mass=0.025, action_delay=1),
+    COMBINED: Disturbances(wind=0.25, mass=0.025, action_delay=1),
 }
-"""What stands against the vehicle: nothing, one disturbance, or wind and mass at half strength with the delay."""
+"""The disturbances of each condition. COMBINED has wind and mass at half strength, and the delay."""
 
 
-def flown(policy: Policy, lesson: RunSpec, agent: str) -> Row:
-    """Let a policy fly under all conditions.
+def fly_conditions(policy: Policy, spec: RunSpec, agent: str) -> Row:
+    """Fly a policy under all conditions, with the same seeds for every agent.
 
     Returns:
-        The "flights" of each condition, with outcomes and each flight's steps, None where it failed; and on a scenario
-        the "actions" of the undisturbed one.
+        "episodes": by condition, the outcomes, the steps of each episode (None where it failed) and the wall time [s].
+        "k_star": K* of each episode, for the condition with most episodes.
+        "actions": on a scenario, the actions of the nominal episode, shape (K, 2).
     """
-    found = {}
-    for name, disturbances in CONDITIONS.items():
-        begun = time.perf_counter()
-        episodes = flights_of(lesson, agent, name == "calm")
-        rows = flight_rows(policy, lesson.problem, episodes, EVALUATION_SEED, disturbances=disturbances)
-        reached = rows["outcome"] == "goal"
-        found[name] = {
-            "outcomes": dict(Counter(rows["outcome"])),
-            "steps": [int(steps) if there else None for steps, there in zip(rows["steps"], reached, strict=True)],
-            "seconds": round(time.perf_counter() - begun, 2),
+    row: Row = {"episodes": {}, "k_star": []}
+    for condition, disturbances in CONDITIONS.items():
+        began = time.perf_counter()
+        count = episode_count(spec, agent, condition)
+        flights = fly(policy, spec.target, count, EVALUATION_SEED, disturbances)
+        scores = score_episodes(flights, spec.target, EVALUATION_SEED, disturbances=disturbances)
+        row["episodes"][condition] = {
+            "outcomes": dict(Counter(flights.outcomes)),
+            "steps": [
+                int(steps) if word == "goal" else None
+                for steps, word in zip(flights.steps, flights.outcomes, strict=True)
+            ],
+            "wall_time_s": round(time.perf_counter() - began, 2),
         }
-    if lesson.drawn:
-        return {"flights": found}
-    actions = fly(policy, lesson.problem, 1, EVALUATION_SEED).actions[0]
-    return {"flights": found, "actions": [[float(str(value)) for value in row] for row in actions]}  # as short as exact
+        row["k_star"] = max(row["k_star"], scores["k_star"].tolist(), key=len)
+        if condition == NOMINAL and not spec.is_distribution:
+            # The shortest decimal that reads as the same float32.
+            row["actions"] = [[float(str(value)) for value in action] for action in flights.actions[0]]
+    return row
 
 
-def flights_of(lesson: RunSpec, agent: str, calm: bool) -> int:
-    """Return how many flights an agent flies: one tells all of a deterministic policy on an undisturbed scenario."""
-    sizes = lesson.sizes
-    if calm and not lesson.drawn:
+def episode_count(spec: RunSpec, agent: str, condition: str) -> int:
+    """Return the number of episodes: one suffices for the nominal condition on a scenario, which is deterministic."""
+    budget = spec.budget
+    if condition == NOMINAL and not spec.is_distribution:
         return 1
-    if agent == "replanner":
-        return sizes.replanned
-    return sizes.goals if calm and agent not in ("expert", "tape") else sizes.disturbed
+    if agent == "mpc":
+        return budget.mpc_episodes
+    planned = agent in ("expert", "open-loop")
+    return budget.nominal_episodes if condition == NOMINAL and not planned else budget.disturbed_episodes

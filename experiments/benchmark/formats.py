@@ -1,4 +1,4 @@
-"""TODO experiments/benchmark/formats.py."""
+"""Scores as text, the same in the README, on the terminal and on the report page."""
 
 from __future__ import annotations
 
@@ -9,45 +9,45 @@ import numpy as np
 from experiments.files import Row
 
 
-def share(row: Row) -> str:
-    """Return a success rate with its interval, which is left out where it is a point."""
+def format_success(row: Row) -> str:
+    """Return a success rate with its interval, such as "97 % [94, 99]"; without one where it is a point."""
     low, high = row["success_low"], row["success_high"]
-    within = "" if low == high else f" [{100 * low:.0f}, {100 * high:.0f}]"
-    return f"{rounded(row['success_rate'])}{within}"
+    interval = "" if low == high else f" [{100 * low:.0f}, {100 * high:.0f}]"
+    return f"{format_percent(row['success_rate'])}{interval}"
 
 
-def rounded(rate: float) -> str:
-    """Return a success rate in per cent, which is 100 or 0 only where it is."""
+def format_percent(rate: float) -> str:
+    """Return a rate in per cent; "100 %" and "0 %" are exact, values near them keep a decimal."""
     percent = f"{100 * rate:.0f} %"
     return percent if rate in (0, 1) or percent not in ("100 %", "0 %") else f"{100 * rate:.1f} %"
 
 
-def gap(row: Row, bounds: bool = True) -> str:
-    """Return a gap with its interval; a dash where nothing succeeded."""
+def format_gap(row: Row, interval: bool = True) -> str:
+    """Return a gap with its interval, such as "+4.2 % [3.9, 4.6]"; a dash where no episode succeeded."""
     if np.isnan(row["gap"]):
         return "-"
     low, high = row["gap_low"], row["gap_high"]
-    within = "" if low == high or not bounds else f" [{100 * low:.1f}, {100 * high:.1f}]"
-    return f"{100 * row['gap']:+.1f} %{within}"
+    bounds = "" if low == high or not interval else f" [{100 * low:.1f}, {100 * high:.1f}]"
+    return f"{100 * row['gap']:+.1f} %{bounds}"
 
 
-def amount(count: float) -> str:
+def format_count(count: float) -> str:
     """Return a number of steps in thousands or millions; a dash for none."""
     if not count:
         return "-"
     return f"{count / 1e6:.2f} M" if count >= 1e6 else f"{count / 1e3:.1f} k"
 
 
-def strength(active: dict[str, float]) -> str:
-    """Return how strong disturbances may be, in words."""
-    words = {
+def describe_disturbances(active: dict[str, float]) -> str:
+    """Return active disturbances and their strengths in words."""
+    texts = {
         "wind": lambda value: f"wind up to {value:g} m/s²",
         "mass": lambda value: f"mass within {100 * value:g} %",
         "action_delay": lambda value: f"actions up to {value:g} step late",
     }
-    return ", ".join(words[name](value) if name in words else f"{name} {value:g}" for name, value in active.items())
+    return ", ".join(texts[name](value) if name in texts else f"{name} {value:g}" for name, value in active.items())
 
 
-def listed(names: Sequence[str]) -> str:
-    """Return names as one says them."""
+def join_names(names: Sequence[str]) -> str:
+    """Return names as a list in a sentence, "none" for no names."""
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names) or "none"

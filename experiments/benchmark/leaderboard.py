@@ -1,7 +1,9 @@
-"""The numbers of the report: one line for each problem and agent, how it stands disturbed, and how it learnt.
+"""The leaderboard: for each problem and agent its scores, its training cost, and its learning curves.
 
-Whatever the page shows comes from here and stands in its data block, so that page and results can be compared.
-No list of problems or agents is known beforehand: what the results hold is shown, what failed included.
+    leaderboard = Leaderboard.of(results)
+
+The report page and the table of scores show these numbers. Problems and agents are those of the results, failed ones
+included; there is no list of them. The bootstrap intervals take seconds, so make it once.
 """
 
 from __future__ import annotations
@@ -15,33 +17,34 @@ import numpy as np
 import pandas as pd
 
 from agents.evaluation.bootstrap import iqm
-from experiments.benchmark.agents import called, place
-from experiments.benchmark.conditions import CALM
-from experiments.benchmark.summary import Scores, approach, pairs, runs_of, scored
+from experiments.benchmark.agents import display_name, table_position
+from experiments.benchmark.conditions import NOMINAL
+from experiments.benchmark.summary import Scores, cells_of, learning_curve, pairs, summarise
 from experiments.files import Row
 from flatgym import SCENARIOS
 
 
 @dataclass(frozen=True)
 class LeaderboardRow:
-    """An agent's undisturbed flights of a problem; NaN where there is nothing to say.
+    """The nominal score of an agent on a problem; NaN for unknown values.
 
     Attributes:
         problem, agent: their names in the results.
-        name: what the agent is called.
-        runs, flights: how many trainings flew, and how often they did altogether.
-        success, success_low, success_high: rate with its 95 % bootstrap interval.
+        name: display name of the agent.
+        runs, episodes: numbers of training runs, and of episodes of all runs.
+        success, success_low, success_high: success rate with its 95 % bootstrap interval.
         gap, gap_low, gap_high: interquartile mean of K / K* - 1 over successes, with its interval.
-        steps, k_star: interquartile means of the environment steps and of K*.
-        env_steps, expert_steps, learning_s: means over runs: steps flown and shown in learning, and its time [s].
-        errors: what runs failed of, one sentence each.
+        steps, k_star: interquartile means of the steps of an episode and of K*.
+        env_steps, expert_labels, training_s: means over runs: environment steps and expert labels of the training, and
+            training time [s].
+        errors: of failed runs, one sentence each.
     """
 
     problem: str
     agent: str
     name: str
     runs: int = 0
-    flights: int = 0
+    episodes: int = 0
     success: float = nan
     success_low: float = nan
     success_high: float = nan
@@ -51,19 +54,19 @@ class LeaderboardRow:
     steps: float = nan
     k_star: float = nan
     env_steps: float = nan
-    expert_steps: float = nan
-    learning_s: float = nan
+    expert_labels: float = nan
+    training_s: float = nan
     errors: tuple[str, ...] = ()
 
     @property
     def failed(self) -> bool:
-        """Whether no run of it ever flew."""
-        return not self.flights
+        """Whether all runs failed."""
+        return not self.episodes
 
 
 @dataclass(frozen=True)
 class ConditionScore:
-    """An agent's flights of a problem under one condition; fields as those of a Line."""
+    """The score of an agent on a problem under one condition; fields as those of a LeaderboardRow."""
 
     problem: str
     agent: str
@@ -79,126 +82,128 @@ class ConditionScore:
 
 @dataclass(frozen=True)
 class Curve:
-    """A training: the least gap to K* of its reliable checks, after so many steps, flown and shown together."""
+    """The learning curve of a run: smallest gap to K* so far over samples (env steps + expert labels)."""
 
     problem: str
     agent: str
     name: str
     seed: int
-    steps: tuple[float, ...]
+    samples: tuple[float, ...]
     gaps: tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Leaderboard:
-    """All there is to say of the agents."""
+    """Nominal rows, scores under all conditions, and learning curves."""
 
-    lines: tuple[LeaderboardRow, ...]
-    standings: tuple[ConditionScore, ...]
+    rows: tuple[LeaderboardRow, ...]
+    scores: tuple[ConditionScore, ...]
     curves: tuple[Curve, ...]
+
+    @classmethod
+    def of(cls, results: Row) -> Leaderboard:
+        """Return the leaderboard of results, in the format of learners.json."""
+        flown = results | {"cells": [cell for cell in results["cells"] if cell["episodes"]]}
+        scores = summarise(flown) if flown["cells"] else {}
+        known = [(cell["problem"], cell["agent"]) for cell in results["cells"]]
+        order = sorted(
+            dict.fromkeys([*pairs(scores), *known]), key=lambda pair: (*position(pair[0]), table_position(pair[1]))
+        )
+        return cls(
+            tuple(nominal_row(results, flown, scores, *pair) for pair in order),
+            tuple(condition_scores(flown, scores, order)),
+            tuple(curves(flown, order)),
+        )
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """The problems, in the order of their lines."""
-        return tuple(dict.fromkeys(line.problem for line in self.lines))
+        """The problems, in the order of the rows."""
+        return tuple(dict.fromkeys(row.problem for row in self.rows))
 
 
-def board(results: Row) -> Leaderboard:
-    """Return the numbers of a benchmark's results, in the format of learners.json."""
-    sound = results | {"cells": [cell for cell in results["cells"] if cell["flights"]]}
-    found = scored(sound) if sound["cells"] else {}
-    known = [(cell["problem"], cell["agent"]) for cell in results["cells"]]
-    order = sorted(dict.fromkeys([*pairs(found), *known]), key=lambda pair: (*rank(pair[0]), place(pair[1])))
-    return Leaderboard(
-        tuple(line(results, sound, found, *pair) for pair in order),
-        tuple(standings(sound, found, order)),
-        tuple(curves(sound, order)),
-    )
-
-
-def rank(problem: str) -> tuple[int, str]:
-    """Return a problem's place: named scenarios as the catalogue lists them, then others by name."""
+def position(problem: str) -> tuple[int, str]:
+    """Return the sort key of a problem: named scenarios in the order of the catalogue, then others by name."""
     return (list(SCENARIOS).index(problem) if problem in SCENARIOS else len(SCENARIOS), problem)
 
 
-def line(results: Row, sound: Row, found: Scores, problem: str, agent: str) -> LeaderboardRow:
-    """Return the line of an agent: what its sound runs flew, and the errors of the others."""
-    cells = runs_of(sound, problem, agent)
-    errors = tuple(f"seed {cell['seed']}: {error(cell)}" for cell in runs_of(results, problem, agent) if error(cell))
-    row = found.get((problem, agent, CALM))
-    if row is None:
-        return LeaderboardRow(problem, agent, called(agent), errors=errors)
-    flown = max(len(cell["flights"][CALM]["steps"]) for cell in cells if CALM in cell["flights"])
+def nominal_row(results: Row, flown: Row, scores: Scores, problem: str, agent: str) -> LeaderboardRow:
+    """Return the row of an agent: the scores of the runs that have flown, and the errors of the others."""
+    cells = cells_of(flown, problem, agent)
+    errors = tuple(
+        f"seed {cell['seed']}: {text}" for cell in cells_of(results, problem, agent) if (text := error_text(cell))
+    )
+    score = scores.get((problem, agent, NOMINAL))
+    if score is None:
+        return LeaderboardRow(problem, agent, display_name(agent), errors=errors)
+    count = max(len(cell["episodes"][NOMINAL]["steps"]) for cell in cells if NOMINAL in cell["episodes"])
     return LeaderboardRow(
         problem,
         agent,
-        called(agent),
-        runs=row["runs"],
-        flights=row["flights"],
-        **rates(row),
-        steps=row["steps"],
-        k_star=float(iqm(np.array(results["k_star"][problem], dtype=np.float64)[:flown])),
+        display_name(agent),
+        runs=score["runs"],
+        episodes=score["episodes"],
+        **rates(score),
+        steps=score["steps"],
+        k_star=float(iqm(np.array(results["k_star"][problem], dtype=np.float64)[:count])),
         env_steps=mean(cells, "env_steps"),
-        expert_steps=mean(cells, "expert_steps"),
-        learning_s=mean(cells, "wall_time_s"),
+        expert_labels=mean(cells, "expert_labels"),
+        training_s=mean(cells, "training_s"),
         errors=errors,
     )
 
 
-def rates(row: Row) -> dict[str, Any]:
-    """Return success and gap of a summary, with their intervals, as lines and standings name them."""
-    bounds = ("success_low", "success_high", "gap", "gap_low", "gap_high")
-    return {"success": row["success_rate"]} | {key: row[key] for key in bounds}
+def rates(score: Row) -> dict[str, Any]:
+    """Return success and gap of a score, with their intervals, under the names of LeaderboardRow."""
+    same = ("success_low", "success_high", "gap", "gap_low", "gap_high")
+    return {"success": score["success_rate"]} | {key: score[key] for key in same}
 
 
 def mean(cells: Sequence[Row], key: str) -> float:
-    """Return the mean of a number over runs."""
+    """Return the mean of a number over cells."""
     return float(np.mean([cell[key] for cell in cells]))
 
 
-def error(cell: Row) -> str:
-    """Return what a run failed of, in one line; nothing where it did not."""
-    words = cell.get("error") or ("" if cell["flights"] else "no flights, and no reason given")
-    return " ".join(str(words).split())
+def error_text(cell: Row) -> str:
+    """Return the error of a failed cell in one line; "" for the others."""
+    text = cell.get("error") or ("" if cell["episodes"] else "no episodes, and no error given")
+    return " ".join(str(text).split())
 
 
-def standings(sound: Row, found: Scores, order: Sequence[tuple[str, str]]) -> Iterator[ConditionScore]:
-    """Yield how each agent stands under each condition in which it flew."""
+def condition_scores(flown: Row, scores: Scores, order: Sequence[tuple[str, str]]) -> Iterator[ConditionScore]:
+    """Yield the score of each agent under each condition it has flown."""
     for problem, agent in order:
-        for condition in sound["conditions"]:
-            row = found.get((problem, agent, condition))
-            if row is not None:
-                yield ConditionScore(problem, agent, called(agent), condition, **rates(row))
+        for condition in flown["conditions"]:
+            score = scores.get((problem, agent, condition))
+            if score is not None:
+                yield ConditionScore(problem, agent, display_name(agent), condition, **rates(score))
 
 
-def curves(sound: Row, order: Sequence[tuple[str, str]]) -> Iterator[Curve]:
-    """Yield the trainings that were checked."""
+def curves(flown: Row, order: Sequence[tuple[str, str]]) -> Iterator[Curve]:
+    """Yield the learning curves of all runs with validation points."""
     for problem, agent in order:
-        for cell in runs_of(sound, problem, agent):
+        for cell in cells_of(flown, problem, agent):
             if cell.get("curve"):
-                steps, gaps = approach(cell, sound["k_check"][problem])
-                yield Curve(problem, agent, called(agent), cell["seed"], tuple(steps), tuple(gaps))
+                samples, gaps = learning_curve(cell, flown["validation_k_star"][problem])
+                yield Curve(problem, agent, display_name(agent), cell["seed"], tuple(samples), tuple(gaps))
 
 
-COLUMNS = (
+SCORE_COLUMNS = (
     "problem", "agent", "seeds", "condition", "success_rate", "success_low", "success_high", "gap", "gap_low",
-    "gap_high", "env_steps", "learning_s", "error",
+    "gap_high", "env_steps", "training_s", "error",
 )  # fmt: skip
 """Columns of the table of scores."""
 
 
-def scores(results: Row) -> pd.DataFrame:
-    """Return one row for each problem, agent and condition: success and gap, their intervals, cost; and each error."""
-    found = board(results)
-    lines = {(line.problem, line.agent): line for line in found.lines}
-    rows: list[Row] = []
-    for one in found.standings:
-        line = lines[one.problem, one.agent]
-        rates = {"success_rate" if key == "success" else key: value for key, value in asdict(one).items()}
-        rows.append(
-            rates | {"seeds": line.runs, "env_steps": line.env_steps, "learning_s": line.learning_s, "error": ""}
-        )
-    for line in found.lines:
-        shared = {"problem": line.problem, "agent": line.agent, "condition": "calm"}
-        rows += [shared | {"error": words} for words in line.errors]
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+def score_table(leaderboard: Leaderboard) -> pd.DataFrame:
+    """Return one row for each problem, agent and condition, with SCORE_COLUMNS, and one for each error."""
+    nominal = {(row.problem, row.agent): row for row in leaderboard.rows}
+    table: list[Row] = []
+    for score in leaderboard.scores:
+        row = nominal[score.problem, score.agent]
+        rates = {"success_rate" if key == "success" else key: value for key, value in asdict(score).items()}
+        cost = {"seeds": row.runs, "env_steps": row.env_steps, "training_s": row.training_s}
+        table.append(rates | cost | {"error": ""})
+    for row in leaderboard.rows:
+        shared = {"problem": row.problem, "agent": row.agent, "condition": NOMINAL}
+        table += [shared | {"error": text} for text in row.errors]
+    return pd.DataFrame(table, columns=list(SCORE_COLUMNS))

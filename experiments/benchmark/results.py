@@ -1,53 +1,59 @@
-"""TODO experiments/benchmark/results.py."""
+"""The results file of a suite: all cells and what they share; merging and selecting results."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from agents.evaluation.optima import optima
 from experiments.benchmark.conditions import CONDITIONS
-from experiments.benchmark.suite import TRIAL, Suite
+from experiments.benchmark.suite import SMOKE_SUITE, Suite
 from experiments.files import Row, plain
 from experiments.provenance import provenance
 from flatgym.files import write_text
-from flatgym.scenarios.reference import EVALUATION_SEED
 
 
-def joined(suite: Suite, done: Sequence[Row], k_check: Row, prologues: Mapping[str, Row], command: str) -> Row:
-    """Return all cells and what they share: K* of the flights scored, and of those that learning curves are made of."""
-    problems = list(dict.fromkeys(cell["problem"] for cell in done))
+def collect(
+    suite: Suite, cells: Sequence[Row], validation_k_star: Row, preparations: Mapping[str, Row], command: str
+) -> Row:
+    """Return the results of a suite.
 
-    def flights(problem: str) -> Iterator[int]:
-        yield 1
-        yield from (len(f["steps"]) for c in done if c["problem"] == problem for f in c["flights"].values())
+    K* of the episodes is moved out of the cells: it is the same for all agents of a problem.
 
+    Args:
+        suite: the suite.
+        cells: the rows of its cells.
+        validation_k_star: by problem, K* of validation.
+        preparations: by scenario, the result of `experiments.recipes.plans.preparation`.
+        command: the command line.
+    """
+    problems = list(dict.fromkeys(cell["problem"] for cell in cells))
+    k_star: dict[str, list[float]] = {problem: [] for problem in problems}
+    for cell in cells:
+        k_star[cell["problem"]] = max(k_star[cell["problem"]], cell.get("k_star", []), key=len)
     return provenance(command) | {
         "suite": suite.name,
-        "quick": suite.name == TRIAL,
+        "smoke": suite.name == SMOKE_SUITE,
         "conditions": {name: disturbances.active for name, disturbances in CONDITIONS.items()},
-        "solutions": [words["solution"] for words in prologues.values()],
-        "demonstrations": {name: words["demonstrated_steps"] for name, words in prologues.items()},
-        "k_check": {name: k_check[name] for name in problems},
-        "k_star": {name: optima(name, EVALUATION_SEED + np.arange(max(flights(name)))).k_star for name in problems},
-        "cells": done,
+        "solutions": [row["solution"] for row in preparations.values()],
+        "demonstrations": {name: row["demonstrated_steps"] for name, row in preparations.items()},
+        "validation_k_star": {name: validation_k_star[name] for name in problems},
+        "k_star": k_star,
+        "cells": [{key: value for key, value in cell.items() if key != "k_star"} for cell in cells],
     }
 
 
-def write(path: Path, results: Row) -> None:
-    """Write the results, a line for each value and each cell."""
+def write_results(path: Path, results: Row) -> None:
+    """Write results as JSON, with a line for each value and each cell."""
     lines = [f" {json.dumps(key)}: {json.dumps(plain(value))}" for key, value in results.items() if key != "cells"]
     rows = ",\n".join(f"  {json.dumps(plain(cell))}" for cell in results["cells"])
     write_text(path, "{\n" + ",\n".join([*lines, f' "cells": [\n{rows}\n ]']) + "\n}\n")
 
 
-def merged(first: Row, *others: Row) -> Row:
-    """Return results with the cells of others that they do not have themselves."""
+def merge(first: Row, *others: Row) -> Row:
+    """Return results with the cells of others, for each problem and agent that the earlier ones lack."""
     cells = {(cell["problem"], cell["agent"], cell["seed"]): cell for cell in first["cells"]}
-    k_star, k_check = dict(first["k_star"]), dict(first["k_check"])
+    k_star, validation_k_star = dict(first["k_star"]), dict(first["validation_k_star"])
     for other in others:
         agents = {(problem, agent) for problem, agent, _ in cells}
         for cell in other["cells"]:
@@ -55,14 +61,15 @@ def merged(first: Row, *others: Row) -> Row:
                 cells[cell["problem"], cell["agent"], cell["seed"]] = cell
         for problem, known in other["k_star"].items():
             k_star[problem] = max(known, k_star.get(problem, []), key=len)
-        k_check = other["k_check"] | k_check
-    return first | {"k_star": k_star, "k_check": k_check, "cells": list(cells.values())}
+        validation_k_star = other["validation_k_star"] | validation_k_star
+    return first | {"k_star": k_star, "validation_k_star": validation_k_star, "cells": list(cells.values())}
 
 
 def only(problem: str, results: Row) -> Row:
-    """Return what results hold of one problem."""
+    """Return the part of results that is about one problem."""
     cells = [cell for cell in results["cells"] if cell["problem"] == problem]
-    kept = {
-        key: {name: value for name, value in results[key].items() if name == problem} for key in ("k_star", "k_check")
+    shared = {
+        key: {name: value for name, value in results[key].items() if name == problem}
+        for key in ("k_star", "validation_k_star")
     }
-    return results | kept | {"cells": cells}
+    return results | shared | {"cells": cells}

@@ -1,91 +1,83 @@
-"""Foreign code in a process of its own: it may crash or hang without taking anybody along.
+"""External code in a process of its own: it may print, hang, exit or crash without harm to the caller.
 
-    guarded("experiments.benchmark.submission:scored", contest, seconds=60.0)
+    run_isolated("experiments.benchmark.submission:score_fields", fields, None, seconds=60.0)
 
-A function of ours is named by its module, its arguments and its answer are JSON, and what foreign code prints goes to
-standard error.
+The function is named by its module; arguments and result are JSON. The child process sends two lines through a pipe:
+the first when all is imported, the second with the result. What external code prints goes to standard error.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
-import time
 from importlib import import_module
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import IO, Any
 
-from flatgym.files import write_text
-
-BEGINNING = 120.0
-"""How long a new process may take to import what it needs [s]; a busy machine is slow at that."""
-PAUSE = 0.02
-"""Between two looks at what the process has written [s]."""
-ASKED, BEGUN, ANSWER = "asked.json", "begun", "answer.json"
+IMPORT_TIMEOUT = 120.0
+"""Time limit for the imports of a new process [s]; they are slow on a busy machine."""
+MAIN = "from experiments.benchmark.sandbox import main; main()"
+Lines = SimpleQueue[str | None]
 
 
 class Failed(ValueError):
-    """What ran in a process of its own failed, hung or crashed."""
+    """The isolated function raised an error, took too long, or its process ended."""
 
 
 def run_isolated(function: str, *arguments: Any, seconds: float, home: Path | None = None) -> Any:
-    """Return what a function returns that is run in a new process.
+    """Call a function in a new process and return its result.
 
     Args:
         function: "module:name".
-        arguments: as JSON holds them.
-        seconds: how long it may take, once all is imported [s].
-        home: the process's working directory; by default the present one.
+        arguments: JSON values.
+        seconds: time limit after the imports [s].
+        home: working directory of the process; by default the present one.
 
     Raises:
-        Failed: where it raises, takes longer, or ends its process.
+        Failed: where the function raises an error, takes longer, or ends its process.
     """
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        write_text(folder / ASKED, json.dumps([function, arguments]))
-        command = [
-            sys.executable,
-            "-P",
-            "-c",
-            "from experiments.benchmark.sandbox import main; main()",
-            name,
-        ]  # not what lies about here
-        process = subprocess.Popen(command, cwd=home, stdin=subprocess.DEVNULL, stdout=sys.__stderr__)
-        try:
-            if not _there(folder / BEGUN, process, BEGINNING) or not _there(folder / ANSWER, process, seconds):
-                raise Failed(f"no answer within {seconds:g} s; --timeout grants more")
-        finally:
-            process.kill()
-            process.wait()
-        if not (folder / ANSWER).exists():
-            raise Failed(f"its process ended without an answer, with exit code {process.returncode}")
-        answer = json.loads((folder / ANSWER).read_text(encoding="utf-8"))
-    if "error" in answer:
-        raise Failed(answer["error"])
-    return answer["value"]
+    # -P: modules in the working directory do not replace installed ones.
+    command = [sys.executable, "-P", "-c", MAIN, json.dumps([function, arguments])]
+    process = subprocess.Popen(command, cwd=home, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
+    lines: Lines = SimpleQueue()
+    Thread(target=_read, args=(process.stdout, lines), daemon=True).start()
+    try:
+        answer = lines.get(timeout=IMPORT_TIMEOUT) and lines.get(timeout=seconds)
+    except Empty:
+        raise Failed(f"no answer within {seconds:g} s; --timeout grants more") from None
+    finally:
+        process.kill()
+        process.wait()
+    if not answer:
+        raise Failed(f"its process ended without an answer, with exit code {process.returncode}")
+    result = json.loads(answer)
+    if "error" in result:
+        raise Failed(result["error"])
+    return result["value"]
 
 
-def _there(path: Path, process: subprocess.Popen[bytes], seconds: float) -> bool:
-    """Wait for a file, or for the end of the process; return False where neither came in time."""
-    until = time.monotonic() + seconds
-    while not path.exists() and process.poll() is None:
-        if time.monotonic() > until:
-            return False
-        time.sleep(PAUSE)
-    return True
+def _read(stream: IO[str], lines: Lines) -> None:
+    """Pass on the lines of a pipe, and None at its end."""
+    with stream:
+        for line in stream:
+            lines.put(line)
+    lines.put(None)
 
 
 def main() -> None:
-    """Answer what is asked in a folder."""
-    folder = Path(sys.argv[1])
-    name, arguments = json.loads((folder / ASKED).read_text(encoding="utf-8"))
-    module, _, function = name.partition(":")
-    call = getattr(import_module(module), function)
-    (folder / BEGUN).touch()
-    try:
-        answer = {"value": call(*arguments)}
-    except Exception as error:
-        answer = {"error": f"{type(error).__name__}: {error}"}
-    write_text(folder / ANSWER, json.dumps(answer))
+    """Call the function that the command line names; the entry point of the child process."""
+    with os.fdopen(os.dup(1), "w") as answers:
+        os.dup2(2, 1)  # what external code prints goes to standard error
+        name, arguments = json.loads(sys.argv[1])
+        module, _, function = name.partition(":")
+        call = getattr(import_module(module), function)
+        print("imported", file=answers, flush=True)
+        try:
+            result = {"value": call(*arguments)}
+        except Exception as error:
+            result = {"error": f"{type(error).__name__}: {error}"}
+        print(json.dumps(result), file=answers, flush=True)

@@ -1,6 +1,6 @@
-"""One policy scored: one of ours by its name, or anybody's, which flies in a process of its own.
+"""One policy scored: one that comes with the package, by name, or an external one, in a process of its own.
 
-score(Contest(policy="my_module:policy", scenario="hoop"), store=None, timeout=60.0)
+score(Submission(policy="my_module:policy", scenario="hoop"), store=None, timeout=60.0)
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 import optimal
 from agents import policies
@@ -19,31 +18,32 @@ from agents.policies import archive
 from agents.policies.adapters import load_policy
 from agents.policies.policy import Policy
 from experiments.benchmark.sandbox import run_isolated
-from experiments.benchmark.suite import ALL
-from experiments.files import plain
+from experiments.benchmark.suite import AGENTS
+from experiments.files import Row, plain
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.disturbances import Disturbances
 from flatgym.scenarios.reference import EVALUATION_SEED
 
-AGENTS = ("expert", "pd")
+CONTROLLERS = ("expert", "pd")
+"""Agents that can be scored on any problem."""
 
 
 @dataclass(frozen=True)
 class Submission:
-    """Who is scored, and on what.
+    """A policy to score, and the problem to score it on.
 
     Attributes:
         policy: a zip, or module:object; or
-        pretrained: name of a policy that came with the package; or
-        agent: one of AGENTS.
-        scenario: name of a scenario or distribution; "" for what a zip was trained on.
-        trust: whether to load a zip wherever it lies.
-        episodes: number of flights.
-        seed: of the first of them.
-        disturbances: what stands against the vehicle.
+        pretrained: name of a policy that comes with the package; or
+        agent: one of CONTROLLERS.
+        scenario: name of a scenario or distribution; by default the one that a zip was trained on.
+        trust: whether to load a zip from any folder.
+        episodes: number of episodes.
+        seed: seed of the first episode.
+        disturbances: the disturbances.
 
     Raises:
-        ValueError: where not exactly one is named, and where nobody says what is flown.
+        ValueError: unless exactly one policy is named, and where the problem is not known.
     """
 
     policy: str = ""
@@ -60,35 +60,35 @@ class Submission:
             raise ValueError(
                 "name one policy to score: a zip, module:object, --pretrained NAME, or --agent expert or pd"
             )
-        if self.agent and self.agent not in AGENTS:
-            raise ValueError(f"unknown agent {self.agent!r}; known: {', '.join(AGENTS)}")
+        if self.agent and self.agent not in CONTROLLERS:
+            raise ValueError(f"unknown agent {self.agent!r}; known: {', '.join(CONTROLLERS)}")
         catalogue.problem(self.problem)
 
     @property
     def name(self) -> str:
-        """What the policy is called: a zip by its file's name, an object by its own."""
+        """Name of the policy: that of the zip, or of the object."""
         own = Path(self.policy).stem if self.policy.endswith(".zip") else self.policy.rpartition(":")[2]
         return self.pretrained or self.agent or own
 
     @property
     def problem(self) -> str:
-        """What is flown."""
+        """Name of the scenario or distribution."""
         if self.scenario:
             return self.scenario
         if self.agent:
-            raise ValueError(f"the agent {self.agent} flies anything: give --scenario")
-        if ".zip" not in self.policy + ".zip" * bool(self.pretrained):
-            raise ValueError(f"{self.policy} does not say what it flies: give --scenario")
+            raise ValueError(f"the agent {self.agent} flies any scenario: give --scenario")
+        if not (self.pretrained or ".zip" in self.policy):
+            raise ValueError(f"{self.policy} does not name its scenario: give --scenario")
         path = archive.PRETRAINED / f"{self.pretrained}.zip" if self.pretrained else Path(self.policy)
         if self.pretrained and self.pretrained not in policies.names():
-            policies.pretrained(self.pretrained)  # says which there are
-        found = policies.describe(path).get("scenario", "")
-        if not found:
-            raise ValueError(f"{path} does not say what it was trained on: give --scenario")
-        return str(found)
+            policies.pretrained(self.pretrained)  # raises an error that lists the known names
+        scenario = policies.describe(path).get("scenario", "")
+        if not scenario:
+            raise ValueError(f"{path} does not name the scenario it was trained on: give --scenario")
+        return str(scenario)
 
-    def pilot(self, store: Path | None) -> Policy:
-        """Return who flies; flights that have to be planned for it are kept in the store."""
+    def load(self, store: Path | None) -> Policy:
+        """Return the policy; a flight that the expert needs is read from the store or planned."""
         if self.policy:
             return load_policy(self.policy, self.trust)
         if self.pretrained:
@@ -98,61 +98,61 @@ class Submission:
         return Expert(optimal.fewest_steps_many([self.problem], jobs=1, store=store)[0])
 
 
-def score(contest: Submission, store: Path | None, timeout: float) -> dict[str, Any]:
-    """Return the row of a score, as `agents.evaluate.evaluate` has it.
+def score(submission: Submission, store: Path | None, timeout: float) -> Row:
+    """Return the score row of a submission, as `agents.evaluate` gives it.
 
     Args:
-        contest: who flies what.
-        store: a folder in which K* that had to be computed are kept.
-        timeout: how long a policy that is not ours may take [s].
+        submission: the policy and the problem.
+        store: folder of K* that have been computed.
+        timeout: time limit for an external policy [s].
 
     Raises:
-        Failed: where such a policy fails, hangs or ends its process.
+        Failed: where an external policy fails, hangs or ends its process.
         ValueError: for a policy that may not be loaded or does not fit.
     """
-    if not contest.policy:
-        return scored(asdict(contest), str(store) if store else None)
-    if contest.policy.endswith(".zip"):
-        archive.admit(contest.policy, contest.trust)
-    arguments = asdict(contest), str(store) if store else None
-    row: dict[str, Any] = run_isolated("experiments.benchmark.submission:scored", *arguments, seconds=timeout)
+    if submission.policy.endswith(".zip"):
+        archive.admit(submission.policy, submission.trust)
+    arguments = asdict(submission), str(store) if store else None
+    if not submission.policy:
+        return score_fields(*arguments)
+    row: Row = run_isolated("experiments.benchmark.submission:score_fields", *arguments, seconds=timeout)
     return row
 
 
-def scored(fields: dict[str, Any], folder: str | None) -> dict[str, Any]:
-    """Return the row of a score of a contest, given by its fields as JSON holds them."""
-    contest = Submission(**fields | {"disturbances": Disturbances(**fields["disturbances"])})
-    store = None if folder is None else Path(folder)
-    pilot = contest.pilot(store)
+def score_fields(fields: Row, store: str | None) -> Row:
+    """Return the score row of a submission; all arguments as JSON holds them."""
+    submission = Submission(**fields | {"disturbances": Disturbances(**fields["disturbances"])})
+    folder = None if store is None else Path(store)
+    policy = submission.load(folder)
     rows = evaluate(
-        pilot,
-        contest.problem,
-        contest.episodes,
-        contest.seed,
-        disturbances=contest.disturbances,
-        store=store,
-        agent=contest.name,
-        env_steps=getattr(pilot, "num_timesteps", None),
+        policy,
+        submission.problem,
+        submission.episodes,
+        submission.seed,
+        disturbances=submission.disturbances,
+        store=folder,
+        agent=submission.name,
+        env_steps=getattr(policy, "num_timesteps", None),
     )
-    row: dict[str, Any] = plain(dict(rows.iloc[0]))
+    row: Row = plain(dict(rows.iloc[0]))
     return row
 
 
-def named(given: Iterable[str], trust: bool) -> dict[str, str]:
-    """Return policies by name, from NAME=ZIP or NAME=MODULE:OBJECT.
+def named_policies(arguments: Iterable[str], trust: bool) -> dict[str, str]:
+    """Return external policies by name, from NAME=ZIP or NAME=MODULE:OBJECT.
 
     Raises:
-        ValueError: for another form, for a name that one of ours has, and for a zip without trust.
+        ValueError: for another form, for the name of a built-in agent, and for a zip without trust.
     """
     found = {}
-    for one in given:
-        name, equals, place = one.partition("=")
-        if not (name and equals and place):
-            raise ValueError(f"a policy is given as NAME=ZIP or NAME=MODULE:OBJECT, got {one!r}")
-        if name in ALL or not name.replace("-", "").replace("_", "").isalnum():
-            taken = ", ".join(ALL)
+    for argument in arguments:
+        name, equals, source = argument.partition("=")
+        if not (name and equals and source):
+            raise ValueError(f"a policy is given as NAME=ZIP or NAME=MODULE:OBJECT, got {argument!r}")
+        if name in AGENTS or not name.replace("-", "").replace("_", "").isalnum():
+            taken = ", ".join(AGENTS)
             raise ValueError(f"{name!r} cannot be a policy's name: use letters, digits, - and _, and none of {taken}")
-        if place.endswith(".zip"):
-            archive.admit(place, trust)
-        found[name] = place
+        if source.endswith(".zip"):
+            archive.admit(source, trust)
+        found[name] = source
     return found

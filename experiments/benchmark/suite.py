@@ -1,4 +1,4 @@
-"""TODO experiments/benchmark/suite.py."""
+"""Suites of the benchmark: which agents fly which problems, with how many seeds and which budget."""
 
 from __future__ import annotations
 
@@ -8,38 +8,38 @@ from pathlib import Path
 
 from agents import policies
 from experiments.files import Row, read_json
-from experiments.recipes.lesson import FULL, Budget
-from experiments.recipes.registry import EXPERTS, LEARNERS, ONLY_SCENARIOS
+from experiments.recipes.registry import EXPERTS, LEARNERS, SCENARIO_ONLY
+from experiments.recipes.run_spec import FULL, Budget
 from flatgym import DISTRIBUTIONS, SCENARIOS
 
-FIRST = ("bc", "bc-ppo")
-"""The second begins with what the first gives."""
-ALL = (*LEARNERS, *EXPERTS)
+AGENTS = (*LEARNERS, *EXPERTS)
+PREREQUISITES = {"bc-ppo": "bc"}
+"""Agents that start from the policy of another agent."""
 SEEDS = 3
-TRIAL = "trial"
-"""Name of a suite of small sizes, whose numbers mean nothing."""
+SMOKE_SUITE = "smoke"
+"""Name of a suite with the smoke test's budget, whose numbers mean nothing."""
 TIMEOUT = 300.0
-"""How long the flights of a policy that is not ours may take [s]."""
+"""Time limit for all episodes of an external policy [s]."""
 
 
 @dataclass(frozen=True)
 class Suite:
-    """What a benchmark consists of.
+    """A set of cells to run.
 
     Attributes:
-        name: what to call it.
-        agents: who flies each problem, by the problem's name.
-        seeds: trainings of each learner.
-        sizes: how much of everything.
-        prologue: whether scenarios are solved, and demonstrations of them recorded, before anything is learnt.
-        policies: further agents, each a name and what `agents.load_policy` is to load; they fly every problem.
-        timeout: how long the flights of one of these may take [s].
+        name: name of the suite.
+        agents: by problem, the agents that fly it.
+        seeds: training runs of each learner.
+        budget: training time, sample counts and episode counts.
+        preparation: whether scenarios are solved and demonstrations recorded first.
+        policies: external policies, name and argument of `load_policy`; they fly every problem.
+        timeout: time limit for all episodes of an external policy [s].
     """
 
     name: str
     agents: Mapping[str, Sequence[str]]
     seeds: int = SEEDS
-    sizes: Budget = FULL
+    budget: Budget = FULL
     preparation: bool = False
     policies: Mapping[str, str] = field(default_factory=dict)
     timeout: float = TIMEOUT
@@ -48,52 +48,59 @@ class Suite:
         """Return the cells in the order of the tables.
 
         Args:
-            only: "problem" or "problem/agent", those asked for; nothing for all. What one begins with comes with it.
+            only: "problem" or "problem/agent", the cells to select; all by default. Prerequisites are included.
 
         Raises:
-            ValueError: for what there is not, listing what there is.
+            ValueError: for an unknown cell; it lists the known ones.
         """
-        found = [
+        cells = [
             Cell(problem, agent, seed)
             for problem, agents in self.agents.items()
             for agent in (*agents, *self.policies)
             for seed in range(self.seeds if agent in LEARNERS else 1)
         ]
-        names = {name for cell in found for name in (cell.problem, f"{cell.problem}/{cell.agent}")}
-        if unknown := sorted(set(only) - names):
-            raise ValueError(f"unknown cells {', '.join(unknown)}; known: {', '.join(sorted(names))}")
-        first, then = FIRST
-        wanted = set(only) | {name.replace(then, first) for name in only if name.endswith(then)}
-        return [cell for cell in found if not only or {cell.problem, f"{cell.problem}/{cell.agent}"} & wanted]
+        known = {name for cell in cells for name in (cell.problem, cell.name)}
+        if unknown := sorted(set(only) - known):
+            raise ValueError(f"unknown cells {', '.join(unknown)}; known: {', '.join(sorted(known))}")
+        selected = set(only)
+        for cell in cells:
+            if cell.name in selected and cell.agent in PREREQUISITES:
+                selected.add(f"{cell.problem}/{PREREQUISITES[cell.agent]}")
+        return [cell for cell in cells if not only or {cell.problem, cell.name} & selected]
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One file of a benchmark."""
+    """One agent on one problem with one seed; it has a results file of its own."""
 
     problem: str
     agent: str
     seed: int
 
+    @property
+    def name(self) -> str:
+        """The name without the seed, "problem/agent"."""
+        return f"{self.problem}/{self.agent}"
+
     def path(self, folder: Path) -> Path:
-        """Return its file."""
+        """Return the path of its file."""
         return folder / f"{self.problem}-{self.agent}-{self.seed}.json"
 
     def read(self, folder: Path) -> Row | None:
-        """Return what stands in its file; None where there is none that can be read."""
+        """Return the content of its file; None where there is no readable file."""
         return read_json(self.path(folder))
 
 
-def everybody(problems: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """Return all agents for each problem, without those that cannot fly it."""
-    return {name: tuple(agent for agent in ALL if can_fly(agent, name)) for name in problems}
+def all_agents(problems: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """Return, for each problem, all agents that can fly it."""
+    return {name: tuple(agent for agent in AGENTS if can_fly(agent, name)) for name in problems}
 
 
 def can_fly(agent: str, problem: str) -> bool:
-    """Return whether an agent knows how to fly a problem: a policy that came with the package flies its own only."""
+    """Return whether an agent can fly a problem; a pretrained policy flies only the problem it was trained on."""
     if agent == "pretrained":
         return problem in policies.names()
-    return not (agent in ONLY_SCENARIOS and problem in DISTRIBUTIONS)
+    return not (agent in SCENARIO_ONLY and problem in DISTRIBUTIONS)
 
 
 SUITES = {
@@ -102,17 +109,22 @@ SUITES = {
         Suite(
             "quick",
             {
-                "hoop": ("ppo", "dagger", "pretrained", "expert", "tape", "pd"),
+                "hoop": ("ppo", "dagger", "pretrained", "expert", "open-loop", "pd"),
                 "horizontal-6": ("ppo", "pretrained", "pd"),
                 "random-goal": ("pretrained", "pd"),
             },
             seeds=1,
-            sizes=replace(FULL, max_seconds=250.0, ppo_steps=5_000_000),
+            budget=replace(FULL, max_seconds=250.0, ppo_steps=5_000_000),
             preparation=True,
         ),
-        Suite("full", everybody([*SCENARIOS, *DISTRIBUTIONS]), preparation=True),
-        Suite("study", {name: tuple(a for a in who if a != "pretrained")
-                        for name, who in everybody(["hoop", "random-goal"]).items()}),
+        Suite("full", all_agents([*SCENARIOS, *DISTRIBUTIONS]), preparation=True),
+        Suite(
+            "study",
+            {
+                name: tuple(agent for agent in agents if agent != "pretrained")
+                for name, agents in all_agents(["hoop", "random-goal"]).items()
+            },
+        ),
     )
-}  # fmt: skip
-"""What can be run: in minutes, in hours, and the comparison of the learners that the README prints."""
+}
+"""The suites: "quick" takes minutes, "full" hours, "study" is the comparison of the learners in the README."""

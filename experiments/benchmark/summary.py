@@ -1,4 +1,4 @@
-"""TODO experiments/benchmark/summary.py."""
+"""Statistics over the cells of a benchmark: scores with intervals, learning curves, sample counts."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import numpy as np
 import pandas as pd
 
 from agents.evaluation.bootstrap import summary
-from experiments.benchmark.agents import place
+from experiments.benchmark.agents import table_position
 from experiments.files import Row
 
 Scores = dict[tuple[str, str, str], Row]
-"""What flights add up to, by scenario, agent and condition."""
-RELIABLE, NEAR = 0.9, 0.1
-"""Success and mean gap of a check from which an agent counts as having learnt."""
+"""Score rows by problem, agent and condition."""
+TARGET_SUCCESS, TARGET_GAP = 0.9, 0.1
+"""Success rate and mean gap of the validation that ends the sample count of a training."""
 
 
-def flights(results: Row) -> pd.DataFrame:
-    """Return one row a flight: scenario, agent, run, condition, outcome, steps, gap; steps and gap NaN where failed."""
+def episode_table(results: Row) -> pd.DataFrame:
+    """Return one row for each episode: scenario, agent, run, condition, outcome, steps, gap; NaN where it failed."""
     parts = []
     for cell in results["cells"]:
-        for condition, flown in cell["flights"].items():
-            steps = np.array(flown["steps"], dtype=np.float64)
+        for condition, episodes in cell["episodes"].items():
+            steps = np.array(episodes["steps"], dtype=np.float64)
             k_star = np.array(results["k_star"][cell["problem"]], dtype=np.float64)[: len(steps)]
             shared = {"scenario": cell["problem"], "agent": cell["agent"], "run": cell["seed"], "condition": condition}
             outcome = np.where(np.isnan(steps), "failed", "goal")
@@ -30,36 +30,36 @@ def flights(results: Row) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def scored(results: Row) -> Scores:
-    """Return the summary of each scenario, agent and condition, in the order of NAMES."""
-    table = summary(flights(results), ("scenario", "agent", "condition")).to_dict("records")
-    table.sort(key=lambda row: place(row["agent"]))
+def summarise(results: Row) -> Scores:
+    """Return the scores of each problem, agent and condition, with bootstrap intervals, in the order of the tables."""
+    table = summary(episode_table(results), ("scenario", "agent", "condition")).to_dict("records")
+    table.sort(key=lambda row: table_position(row["agent"]))
     return {(row["scenario"], row["agent"], row["condition"]): row for row in table}
 
 
-def learnt_after(cell: Row, k_check: float) -> float:
-    """Return the environment steps, flown and shown, after which a check was reliable and near K*; NaN if none was."""
-    for point in cell["curve"]:
-        if point["success_rate"] >= RELIABLE and point["steps"] / k_check - 1 <= NEAR:
-            return float(point["env_steps"] + point["expert_steps"])
-    return float("nan")
-
-
-def pairs(found: Scores) -> list[tuple[str, str]]:
-    """Return problems and agents, one problem after the other, the agents in the order of NAMES."""
-    problems = sorted({problem for problem, _, _ in found})
-    known = dict.fromkeys((problem, agent) for problem, agent, _ in found)
+def pairs(scores: Scores) -> list[tuple[str, str]]:
+    """Return all pairs of problem and agent, sorted by problem, then in the order of the tables."""
+    problems = sorted({problem for problem, _, _ in scores})
+    known = dict.fromkeys((problem, agent) for problem, agent, _ in scores)
     return [pair for problem in problems for pair in known if pair[0] == problem]
 
 
-def runs_of(results: Row, problem: str, agent: str) -> list[Row]:
-    """Return the cells of an agent."""
+def cells_of(results: Row, problem: str, agent: str) -> list[Row]:
+    """Return the cells of an agent on a problem."""
     return [cell for cell in results["cells"] if (cell["problem"], cell["agent"]) == (problem, agent)]
 
 
-def approach(cell: Row, k_check: float) -> tuple[list[float], list[float]]:
-    """Return the environment steps, flown and shown, of the reliable checks, and the least gap to K* until each."""
-    good = [point for point in cell["curve"] if point["success_rate"] >= RELIABLE]
-    steps = [float(point["env_steps"] + point["expert_steps"]) for point in good]
-    gaps = [float(point["steps"] / k_check - 1) for point in good]
-    return steps, list(accumulate(gaps, min))
+def samples_to_target(cell: Row, validation_k_star: float) -> float:
+    """Return the samples (env steps + expert labels) until validation reaches both targets; NaN if it never does."""
+    for point in cell["curve"]:
+        if point["success_rate"] >= TARGET_SUCCESS and point["steps"] / validation_k_star - 1 <= TARGET_GAP:
+            return float(point["env_steps"] + point["expert_labels"])
+    return float("nan")
+
+
+def learning_curve(cell: Row, validation_k_star: float) -> tuple[list[float], list[float]]:
+    """Return the samples at each validation of target success, and the smallest gap up to then."""
+    good = [point for point in cell["curve"] if point["success_rate"] >= TARGET_SUCCESS]
+    samples = [float(point["env_steps"] + point["expert_labels"]) for point in good]
+    gaps = [float(point["steps"] / validation_k_star - 1) for point in good]
+    return samples, list(accumulate(gaps, min))

@@ -1,4 +1,4 @@
-"""TODO experiments/recipes/baselines.py."""
+"""Agents that are built and not trained here: experts, controllers, and the policies that come with the package."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from agents.controllers.mpc import MPC
 from agents.controllers.tracking import Expert, OpenLoop
 from agents.policies import archive
 from agents.policies.policy import Policy
-from experiments.recipes.lesson import RunSpec, TrainedAgent
-from experiments.recipes.margins import narrower, teacher
-from experiments.recipes.plans import plans
+from experiments.recipes.margins import robust_flight, with_margins
+from experiments.recipes.plans import plan_flights
+from experiments.recipes.run_spec import RunSpec, TrainedAgent
 from flatgym.scenarios.reference import EVALUATION_SEED
 from flatgym.scenarios.scenario import Scenario
 from optimal.discrete.fewest_steps import FewestSteps, fewest_steps
@@ -27,8 +27,8 @@ from optimal.discrete.fewest_steps import FewestSteps, fewest_steps
 class PolicyPerVehicle:
     """Many policies as one: vehicle i is flown by policy i."""
 
-    def __init__(self, expert_policies: Sequence[Policy]) -> None:
-        self.expert_policies = expert_policies
+    def __init__(self, policies: Sequence[Policy]) -> None:
+        self.policies = policies
 
     def predict(
         self,
@@ -37,55 +37,53 @@ class PolicyPerVehicle:
         episode_start: Any = None,  # noqa: ARG002
         deterministic: bool = True,  # noqa: ARG002
     ) -> tuple[NDArray[np.float32], Any]:
-        """Return an action, shape (n, 2), for each vehicle's observation, shape (n, 19); n at most the pilots'."""
-        pairs = zip(self.expert_policies, np.asarray(observation), strict=False)
-        return np.stack([pilot.predict(seen)[0] for pilot, seen in pairs]), state
+        """Return actions, shape (n, 2), of observations, shape (n, 19); n at most the number of policies."""
+        pairs = zip(self.policies, np.asarray(observation), strict=False)
+        return np.stack([policy.predict(row)[0] for policy, row in pairs]), state
 
 
-def expert_policies(lesson: RunSpec, kind: Callable[[FewestSteps], Policy]) -> tuple[Policy, float]:
-    """Return a policy of a kind for each flight of a score, and the time the planning took [s]."""
-    if isinstance(lesson.target, Scenario):
-        begun = time.perf_counter()
-        return kind(teacher(lesson.target)), time.perf_counter() - begun
-    flights, taken = plans(lesson, EVALUATION_SEED, lesson.sizes.disturbed)
-    return PolicyPerVehicle([kind(flight) for flight in flights]), taken
+def expert_policies(spec: RunSpec, kind: Callable[[FewestSteps], Policy]) -> tuple[Policy, float]:
+    """Return a policy of a kind around the optimal flight of each evaluation episode, and the planning time [s]."""
+    if isinstance(spec.target, Scenario):
+        began = time.perf_counter()
+        return kind(robust_flight(spec.target)), time.perf_counter() - began
+    flights, planning_s = plan_flights(spec, EVALUATION_SEED, spec.budget.disturbed_episodes)
+    return PolicyPerVehicle([kind(flight) for flight in flights]), planning_s
 
 
-def expert(lesson: RunSpec) -> TrainedAgent:
-    """The regulator about an optimal flight."""
-    policy, taken = expert_policies(lesson, Expert)
-    return TrainedAgent(policy, "LQR about a K* flight", planning_s=taken)
+def expert(spec: RunSpec) -> TrainedAgent:
+    """Return the LQR around an optimal flight with margins."""
+    policy, planning_s = expert_policies(spec, Expert)
+    return TrainedAgent(policy, "LQR about a K* flight", planning_s=planning_s)
 
 
-def tape(lesson: RunSpec) -> TrainedAgent:
-    """The same flight replayed open loop."""
-    policy, taken = expert_policies(lesson, OpenLoop)
-    return TrainedAgent(policy, "open-loop replay", planning_s=taken)
+def open_loop(spec: RunSpec) -> TrainedAgent:
+    """Return the open-loop replay of the expert's flight."""
+    policy, planning_s = expert_policies(spec, OpenLoop)
+    return TrainedAgent(policy, "open-loop replay", planning_s=planning_s)
 
 
-def grazing(lesson: RunSpec) -> TrainedAgent:
-    """The regulator about a flight that passes the rim with nothing to spare."""
-    flight = fewest_steps(lesson.problem, time_budget=0.0)
-    return TrainedAgent(Expert(flight), "LQR about a K* flight at the rim")
+def expert_no_margin(spec: RunSpec) -> TrainedAgent:
+    """Return the LQR around an optimal flight that may graze the rims."""
+    flight = fewest_steps(spec.problem, time_budget=0.0)
+    return TrainedAgent(Expert(flight), "LQR about a K* flight, no margin")
 
 
-def replanner(lesson: RunSpec) -> TrainedAgent:
-    """The expert that plans anew at every step, through the narrower hoop."""
-    assert isinstance(lesson.target, Scenario)
-    flight = fewest_steps(narrower(lesson.target), time_budget=0.0)
-    return TrainedAgent(
-        PolicyPerVehicle([MPC(flight) for _ in range(lesson.sizes.replanned)]), "replanning at every step"
-    )
+def mpc(spec: RunSpec) -> TrainedAgent:
+    """Return MPC with a shrinking horizon, which plans with margins at every step."""
+    assert isinstance(spec.target, Scenario)
+    flight = fewest_steps(with_margins(spec.target), time_budget=0.0)
+    return TrainedAgent(PolicyPerVehicle([MPC(flight) for _ in range(spec.budget.mpc_episodes)]), "MPC")
 
 
-def cascade(lesson: RunSpec) -> TrainedAgent:
-    """The cascaded PD controller."""
-    return TrainedAgent(CascadedPD(lesson.target.quadrotor), "cascaded PD")
+def cascaded_pd(spec: RunSpec) -> TrainedAgent:
+    """Return the cascaded PD controller."""
+    return TrainedAgent(CascadedPD(spec.target.quadrotor), "cascaded PD")
 
 
-def pretrained(lesson: RunSpec) -> TrainedAgent:
-    """The policy that came with the package; its card says what it cost."""
-    card = json.loads((archive.PRETRAINED / f"{lesson.problem}.json").read_text(encoding="utf-8"))
+def pretrained(spec: RunSpec) -> TrainedAgent:
+    """Return the policy that comes with the package, with the cost that its card states."""
+    card = json.loads((archive.PRETRAINED / f"{spec.problem}.json").read_text(encoding="utf-8"))
     score = card["score"]
-    spent = score["env_steps"] or 0, 0, score["wall_time_s"]
-    return TrainedAgent(policies.pretrained(lesson.problem), score["algorithm"], (), (), *spent)
+    cost = score["env_steps"] or 0, 0, score["wall_time_s"]
+    return TrainedAgent(policies.pretrained(spec.problem), score["algorithm"], (), (), *cost)

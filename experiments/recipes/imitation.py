@@ -1,4 +1,8 @@
-"""TODO experiments/recipes/imitation.py."""
+"""Imitation recipes: behaviour cloning and DAgger, with the expert oracle of the task.
+
+On a scenario the oracle is an LQR around one optimal flight with margins. On a distribution it is
+`agents.imitation.oracles.combined_oracle`, which uses the optimal flights of sampled scenarios.
+"""
 
 from __future__ import annotations
 
@@ -8,81 +12,84 @@ from typing import Any
 import torch
 from stable_baselines3 import PPO
 
-from agents.evaluation.checks import VALIDATION_SEED, Point
-from agents.imitation.advisers import guided, regulated
-from agents.imitation.cloning import CloneConfig, fit, student
-from agents.imitation.dataset import Shown
+from agents.evaluation.validation import VALIDATION_SEED, Point
+from agents.imitation.cloning import CloneConfig, fit, untrained_policy
+from agents.imitation.dataset import ExpertData
 from agents.imitation.dataset_aggregation import DaggerConfig, ExpertOracle, dagger
+from agents.imitation.oracles import combined_oracle, lqr_oracle
 from agents.imitation.selection import BestPolicy
-from experiments.recipes.lesson import RunSpec, TrainedAgent, best_known
-from experiments.recipes.margins import teacher
-from experiments.recipes.plans import plans
+from experiments.recipes.margins import robust_flight
+from experiments.recipes.plans import plan_flights
+from experiments.recipes.run_spec import RunSpec, TrainedAgent
 from flatgym.scenarios.scenario import Scenario
+
+DISTRIBUTION_NETWORK: dict[str, Any] = {"width": 160, "observation_scale": 6.0, "guidance": True, "batch_size": 1024}
+"""Network and batch for a distribution: larger than for a scenario, with predicted miss distances as inputs."""
 
 
 class CountingOracle:
-    """An adviser that counts: the steps learners flew, and those for which it gave advice."""
+    """An expert oracle that counts environment steps and expert labels."""
 
-    def __init__(self, adviser: ExpertOracle) -> None:
-        self.adviser = adviser
-        self.env_steps = self.expert_steps = 0
+    def __init__(self, oracle: ExpertOracle) -> None:
+        self.oracle = oracle
+        self.env_steps = self.expert_labels = 0
 
-    def __call__(self, learner: PPO | None, number: int) -> Shown:
-        """Return the advice of a round."""
-        shown = self.adviser(learner, number)
-        self.expert_steps += shown.asked
-        self.env_steps += shown.flown
-        return shown
+    def __call__(self, policy: PPO | None, number: int) -> ExpertData:
+        """Return the labelled data of a round."""
+        data = self.oracle(policy, number)
+        self.expert_labels += data.labels
+        self.env_steps += data.env_steps
+        return data
 
-    def note(self, point: Point) -> None:
-        """Write into a point of a learning curve what it cost."""
-        point.update(env_steps=self.env_steps, expert_steps=self.expert_steps)
+    def add_cost(self, point: Point) -> None:
+        """Add the counts to a point of a learning curve."""
+        point.update(env_steps=self.env_steps, expert_labels=self.expert_labels)
 
 
-def oracle_for(lesson: RunSpec, flights: int) -> tuple[CountingOracle, float]:
-    """Return who advises, and the time the demonstrations' planning took [s].
+def oracle_for(spec: RunSpec, rollouts: int) -> tuple[CountingOracle, float]:
+    """Return the expert oracle of a task, and the time to plan its optimal flights [s].
 
     Args:
-        lesson: what is to be flown.
-        flights: of a round, on a scenario.
+        spec: the task.
+        rollouts: episodes of a round on a scenario; on a distribution the budget has them.
     """
-    sizes, target = lesson.sizes, lesson.target
+    budget, target = spec.budget, spec.target
     if isinstance(target, Scenario):
-        begun = time.perf_counter()
-        adviser = regulated([teacher(target)], count=flights, seed=lesson.seed)
-        return CountingOracle(adviser), time.perf_counter() - begun
-    known, taken = plans(lesson, 0, sizes.planned)
-    adviser = guided(known, target, count=sizes.followed, planned=sizes.corrected, seed=lesson.seed, jobs=1)
-    return CountingOracle(adviser), taken
+        began = time.perf_counter()
+        oracle = lqr_oracle([robust_flight(target)], count=rollouts, seed=spec.seed)
+        return CountingOracle(oracle), time.perf_counter() - began
+    flights, planning_s = plan_flights(spec, 0, budget.demonstrations)
+    counts = {"count": budget.round_rollouts, "plan_episodes": budget.round_replans}
+    return CountingOracle(combined_oracle(flights, target, **counts, seed=spec.seed, jobs=1)), planning_s
 
 
-def shared_config(lesson: RunSpec, updates: int) -> dict[str, Any]:
-    """Return what cloning and DAgger have in common: on a distribution the network is larger, and sees more."""
-    larger = {"width": 160, "observation_scale": 6.0, "guidance": True, "batch_size": 1024} if lesson.drawn else {}
-    shared = {"scenario": lesson.problem, "seed": lesson.seed, "gradient_steps": updates}
-    return shared | {"eval_seed": VALIDATION_SEED, "n_eval_episodes": lesson.sizes.n_eval_episodes} | larger
+def shared_config(spec: RunSpec, gradient_steps: int) -> dict[str, Any]:
+    """Return the configuration fields that behaviour cloning and DAgger have in common."""
+    shared = {"scenario": spec.problem, "seed": spec.seed, "gradient_steps": gradient_steps}
+    validation = {"eval_seed": VALIDATION_SEED, "n_eval_episodes": spec.budget.n_eval_episodes}
+    return shared | validation | (DISTRIBUTION_NETWORK if spec.is_distribution else {})
 
 
-def clone(lesson: RunSpec) -> TrainedAgent:
-    """Behaviour cloning of an expert's flights."""
+def train_bc(spec: RunSpec) -> TrainedAgent:
+    """Train by behaviour cloning of expert episodes."""
     torch.set_num_threads(1)
-    config = CloneConfig(**shared_config(lesson, lesson.sizes.gradient_steps[lesson.drawn]))
-    adviser, planning = oracle_for(lesson, lesson.sizes.shown)
-    keeper = BestPolicy(config, watch=adviser.note)
-    model = student(config)
-    fit(model, adviser(None, 0), config)
-    keeper.check(model)
-    return TrainedAgent(model, "BC", [config], keeper.curve, 0, adviser.expert_steps, keeper.elapsed, planning)
+    config = CloneConfig(**shared_config(spec, spec.budget.gradient_steps[spec.is_distribution]))
+    oracle, planning_s = oracle_for(spec, spec.budget.expert_rollouts)
+    best = BestPolicy(config, on_validation=oracle.add_cost)
+    model = untrained_policy(config)
+    fit(model, oracle(None, 0), config)
+    best.validate(model)
+    return TrainedAgent(model, "BC", [config], best.curve, 0, oracle.expert_labels, best.elapsed, planning_s)
 
 
-def advised(lesson: RunSpec) -> TrainedAgent:
-    """DAgger under the regulator, or under the expert that plans anew."""
+def train_dagger(spec: RunSpec) -> TrainedAgent:
+    """Train by DAgger, until K* is reached on a scenario or the budget is spent."""
     torch.set_num_threads(1)
-    sizes, drawn = lesson.sizes, lesson.drawn
-    shared = shared_config(lesson, sizes.round_updates[drawn])
-    config = DaggerConfig(rounds=sizes.rounds[drawn], max_seconds=sizes.dagger_s, **shared)
-    adviser, planning = oracle_for(lesson, sizes.shown // 2)
-    keeper = BestPolicy(config, target=best_known(lesson), watch=adviser.note)
-    model = dagger(student(config), adviser, config, keeper)
-    spent = adviser.env_steps, adviser.expert_steps, keeper.elapsed
-    return TrainedAgent(model, "DAgger", [config], keeper.curve, *spent, planning)
+    budget, which = spec.budget, spec.is_distribution
+    shared = shared_config(spec, budget.round_gradient_steps[which])
+    config = DaggerConfig(rounds=budget.rounds[which], max_seconds=budget.dagger_s, **shared)
+    oracle, planning_s = oracle_for(spec, budget.expert_rollouts // 2)
+    best = BestPolicy(config, target=spec.k_star, on_validation=oracle.add_cost)
+    model = dagger(untrained_policy(config), oracle, config, best)
+    cost = oracle.env_steps, oracle.expert_labels, best.elapsed
+    return TrainedAgent(model, "DAgger", [config], best.curve, *cost, planning_s)

@@ -1,4 +1,7 @@
-"""TODO experiments/recipes/margins.py."""
+"""Constraint tightening: optimal flights with a margin to the hoops' rims and to the floor.
+
+A policy that imitates such a flight may deviate a little and still pass.
+"""
 
 from __future__ import annotations
 
@@ -8,33 +11,34 @@ from flatgym.scenarios.reference import reference
 from flatgym.scenarios.scenario import Hoop, Scenario
 from optimal.discrete.fewest_steps import FewestSteps, fewest_steps
 
-MARGINS = {"hoop": 0.3, "high-hoop": 0.08, "slalom": 0.02, "loop": 0.03}
-"""How much narrower than they are the hoops are planned through [m]; more would cost steps, where there is little."""
-GUIDES = {"ground-6": (Hoop(3.0, 0.6, 1.0),)}
-"""Gaps to plan through besides; this one, 10 cm above the floor, costs no step and keeps off it."""
-INNER = 0.5
-"""The share of a drawn hoop's width that is planned through: it costs two steps, and a learner may err."""
+HOOP_MARGINS = {"hoop": 0.3, "high-hoop": 0.08, "slalom": 0.02, "loop": 0.03}
+"""By how much hoop diameters are reduced for planning [m], by scenario. A larger margin would cost steps."""
+GUIDE_HOOPS = {"ground-6": (Hoop(3.0, 0.6, 1.0),)}
+"""Hoops added for planning, by scenario. This one lies 10 cm above the floor, and costs no step."""
+HOOP_SHARE = 0.5
+"""Share of a hoop's free width that is used in planning sampled scenarios. It costs two steps."""
 
 
-def narrowed(scenario: Scenario, by: float) -> Scenario:
-    """Return a scenario whose hoops are narrower by so much [m]."""
-    return scenario.with_diameters(hoop.diameter - by for hoop in scenario.hoops)
+def with_hoop_margin(scenario: Scenario, margin: float) -> Scenario:
+    """Return a scenario whose hoop diameters are smaller by a margin [m]."""
+    return scenario.with_diameters(hoop.diameter - margin for hoop in scenario.hoops)
 
 
-def inner(scenario: Scenario, share: float) -> Scenario:
-    """Return a scenario whose hoops are a share of their width, between which its vehicle has to fit."""
+def with_hoop_share(scenario: Scenario, share: float) -> Scenario:
+    """Return a scenario whose hoops keep a share of their free width, the diameter less that of the vehicle."""
     least = 2 * scenario.quadrotor.radius
     return scenario.with_diameters(least + share * (hoop.diameter - least) for hoop in scenario.hoops)
 
 
-def narrower(scenario: Scenario) -> Scenario:
-    """Return a named scenario as its optimal flight is planned for a learner: clear of the rims and of the floor."""
-    easier = narrowed(scenario, MARGINS.get(scenario.name, 0.0))
-    return replace(easier, hoops=easier.hoops + GUIDES.get(scenario.name, ()))
+def with_margins(scenario: Scenario) -> Scenario:
+    """Return a named scenario with the margins and guide hoops of its expert flight."""
+    tightened = with_hoop_margin(scenario, HOOP_MARGINS.get(scenario.name, 0.0))
+    return replace(tightened, hoops=tightened.hoops + GUIDE_HOOPS.get(scenario.name, ()))
 
 
-def teacher(scenario: Scenario) -> FewestSteps:
-    """Return the flight to learn: as the scenario's optimal one, but clear of the rims."""
+def robust_flight(scenario: Scenario) -> FewestSteps:
+    """Return the expert flight of a named scenario: as many steps and windings as the best known, with margins."""
     known = reference(scenario)
     assert known is not None
-    return replace(fewest_steps(narrower(scenario), windings=(known.winding,), time_budget=0.0), scenario=scenario)
+    flight = fewest_steps(with_margins(scenario), windings=(known.winding,), time_budget=0.0)
+    return replace(flight, scenario=scenario)

@@ -1,4 +1,4 @@
-"""TODO experiments/recipes/plans.py."""
+"""Optimal flights planned before training: demonstrations of a scenario, and flights of sampled scenarios."""
 
 from __future__ import annotations
 
@@ -9,51 +9,61 @@ from pathlib import Path
 import optimal
 from agents import demonstrations
 from experiments.files import SCHEMA, Row, read_json, write_json
-from experiments.recipes.lesson import RunSpec
-from experiments.recipes.margins import INNER, inner
+from experiments.recipes.margins import HOOP_SHARE, with_hoop_share
+from experiments.recipes.run_spec import RunSpec
 from flatgym.scenarios.distributions import Distribution
 from optimal.batch import fewest_steps_many
 from optimal.discrete.fewest_steps import FewestSteps
 
-DEMONSTRATIONS = 6
+RECORDED_FLIGHTS = 6
 """Flights of a scenario that a suite records as a dataset."""
+BATCH_SIZE = 250
+"""Flights planned at once. An interrupted run keeps the flights of its last batch, but not their planning time."""
 
 
 def preparation(problem: str, folder: Path) -> Row:
-    """Solve a scenario, record demonstrations of it, and return what came of both; once, then from a file."""
-    path = folder / f"{problem}.prologue.json"
-    if (words := read_json(path)) is None:
-        solution = optimal.solve(problem)
-        planned = demonstrations.plan(problem, DEMONSTRATIONS, seed=0, jobs=1)
-        dataset = demonstrations.record(problem, planned)
-        words = {"schema": SCHEMA, "solution": solution.row(), "dataset": dataset.id}
-        words["demonstrated_steps"] = [one.steps for one in planned]
-        write_json(path, words)
-    return words
+    """Solve a scenario and record demonstrations of it, once; return "solution", "dataset" and "demonstrated_steps".
 
-
-BATCH = 250
-"""Flights planned at once; what a killed run has planned of a batch is kept, but its time is not."""
-
-
-def plans(lesson: RunSpec, first: int, count: int, share: float = INNER) -> tuple[list[FewestSteps], float]:
-    """Return optimal flights of `count` drawn scenarios from seed `first` on, and the time their planning took [s].
-
-    They are planned once, on all cores, through that share of their hoops; a file beside them says how long it took.
+    The result is stored in the folder, and read from there on the next call.
     """
-    flights, taken, target = [], 0.0, lesson.target
+    path = folder / f"{problem}.preparation.json"
+    if (row := read_json(path)) is None:
+        solution = optimal.solve(problem)
+        flights = demonstrations.plan(problem, RECORDED_FLIGHTS, seed=0, jobs=1)
+        dataset = demonstrations.record(problem, flights)
+        row = {"schema": SCHEMA, "solution": solution.row(), "dataset": dataset.id}
+        row["demonstrated_steps"] = [flight.steps for flight in flights]
+        write_json(path, row)
+    return row
+
+
+def plan_flights(spec: RunSpec, first: int, count: int, share: float = HOOP_SHARE) -> tuple[list[FewestSteps], float]:
+    """Return optimal flights of sampled scenarios and the time their planning took [s].
+
+    Flights are planned once, on all cores, and stored in the folder of the run, as is the planning time.
+
+    Args:
+        spec: a run on a distribution.
+        first: seed of the first scenario.
+        count: number of scenarios, of consecutive seeds.
+        share: of the hoops' free width, as in `with_hoop_share`.
+
+    Raises:
+        ValueError: where a scenario has no flight; all of them need one.
+    """
+    flights, seconds, target = [], 0.0, spec.target
     assert isinstance(target, Distribution)
-    store = lesson.folder / "flights"
-    for begin in range(first, first + count, BATCH):
-        seeds = range(begin, min(begin + BATCH, first + count))
-        record = lesson.folder / f"planned-{lesson.problem}-{seeds.start}-{seeds.stop}.json"
-        jobs, begun = 1 if record.exists() else -1, time.perf_counter()
-        drawn = [inner(target.scenario(i), share) for i in seeds]
-        flights += fewest_steps_many(drawn, jobs=jobs, store=store, progress=False)
+    store = spec.folder / "flights"
+    for begin in range(first, first + count, BATCH_SIZE):
+        seeds = range(begin, min(begin + BATCH_SIZE, first + count))
+        record = spec.folder / f"planned-{spec.problem}-{seeds.start}-{seeds.stop}.json"
+        jobs, began = 1 if record.exists() else -1, time.perf_counter()
+        scenarios = [with_hoop_share(target.scenario(i), share) for i in seeds]
+        flights += fewest_steps_many(scenarios, jobs=jobs, store=store, progress=False)
         if not record.exists():
-            write_json(record, {"planning_s": time.perf_counter() - begun})
-        taken += json.loads(record.read_text(encoding="utf-8"))["planning_s"]
-    lost = [flight.scenario.name for flight in flights if not len(flight.actions)]
-    if lost:
-        raise ValueError(f"no flight was found for {', '.join(lost)}; every scenario of the study needs one")
-    return flights, taken
+            write_json(record, {"planning_s": time.perf_counter() - began})
+        seconds += json.loads(record.read_text(encoding="utf-8"))["planning_s"]
+    missing = [flight.scenario.name for flight in flights if not len(flight.actions)]
+    if missing:
+        raise ValueError(f"no flight was found for {', '.join(missing)}; every scenario of the study needs one")
+    return flights, seconds

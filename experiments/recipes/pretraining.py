@@ -1,21 +1,18 @@
-"""The policies that come with the package: how each was made, by one command.
+"""Training of the policies that come with the package; `flatquad pretrain hoop climb` runs it.
 
-    python -m experiments.recipes.pretraining hoop climb --out agents/pretrained
+On a scenario, DAgger imitates an LQR around the optimal flight with margins (`experiments.recipes.margins`). Starts and
+actions are perturbed widely at first, then closely. Training ends when the policy reaches K* or the time is over.
 
-On a named scenario: the optimal flight, planned through hoops narrower than they are and clear of the floor, so that a
-learner may err; DAgger under the regulator about it, first from starts scattered widely and then closely, until the
-learner flies in as many steps or time is up. On a distribution: optimal flights of many drawn scenarios, and DAgger
-under the regulators about them, under whoever plans anew behind the last hoop, and under the controller that leads
-back to a missed one. Beside each policy lies a card with what made it: configuration, seed, command, versions, wall
-time, score.
+On a distribution, DAgger starts from optimal flights of sampled scenarios. Three experts label the policy's episodes:
+LQRs around these flights, new optimal plans after the last hoop, and the PD controller after a missed hoop.
+
+Each policy has a card: its configuration, seed, command, versions, training time and score.
 """
 
 from __future__ import annotations
 
-import argparse
-import itertools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -24,159 +21,129 @@ import joblib
 import torch
 
 from agents import policies
-from agents.evaluation.checks import Point
 from agents.evaluation.scores import evaluate
-from agents.imitation.advisers import guided, regulated
-from agents.imitation.cloning import student
+from agents.evaluation.validation import Point
+from agents.imitation.cloning import untrained_policy
 from agents.imitation.dataset_aggregation import DaggerConfig, dagger
+from agents.imitation.oracles import combined_oracle, lqr_oracle
 from agents.imitation.selection import BestPolicy
-from agents.policies import archive
-from experiments.files import plain, write_json
+from agents.policies.compact import rounded
+from experiments.files import USER_RESULTS, plain, write_json
 from experiments.provenance import provenance
-from experiments.recipes.margins import INNER, inner, teacher
-from experiments.terminal import progress_bar
+from experiments.recipes.imitation import DISTRIBUTION_NETWORK
+from experiments.recipes.margins import HOOP_SHARE, robust_flight, with_hoop_share
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from optimal.batch import fewest_steps_many
 
-SPECIAL = DaggerConfig(gradient_steps=1500, rounds=24, max_seconds=300.0)
-"""What a policy for one scenario is trained with at first."""
-PRECISE = DaggerConfig(gradient_steps=2000, rounds=60, learning_rate=1e-3, max_seconds=800.0)
-"""What it is trained with then, where it is not at K* yet; seconds count from the beginning of the first."""
-STAGES = ((SPECIAL, 0.05), (PRECISE, 0.02))
-"""Both, and how far starts and actions are scattered, as `agents.imitation.advisers.regulated` has it."""
-WIDE = DaggerConfig(
-    width=256,
-    observation_scale=6.0,
-    guidance=True,
-    batch_size=1024,
-    gradient_steps=3500,
-    rounds=16,
-    max_seconds=3600.0,
-    n_eval_episodes=300,
+STAGES = (
+    (DaggerConfig(gradient_steps=1500, rounds=24, max_seconds=300.0), 0.05),
+    (DaggerConfig(gradient_steps=2000, rounds=60, learning_rate=1e-3, max_seconds=800.0), 0.02),
 )
-GENERAL = {"random-goal": replace(WIDE, width=160, rounds=8), "random-hoops": WIDE}
-"""What policies for distributions are trained with."""
-FLIGHTS = {"random-goal": 2600, "random-hoops": 3000}
-"""Optimal flights to begin with."""
-EPISODES = {"random-goal": 1000, "random-hoops": 300}
-"""Flights by which a policy for a distribution is scored, unseen, of known K*."""
-STORE = Path("experiments/results/flights")
-"""Where optimal flights of drawn scenarios are kept."""
+"""Both stages of a scenario: configuration, and the `start_noise` and `action_noise` of `lqr_oracle`.
+
+The second stage runs only if the first does not reach K*. Its time counts from the beginning of the first.
+"""
+RANDOM_GOAL = DaggerConfig(
+    **DISTRIBUTION_NETWORK, gradient_steps=3500, rounds=8, max_seconds=3600.0, n_eval_episodes=300
+)
+DISTRIBUTION_CONFIGS = {"random-goal": RANDOM_GOAL, "random-hoops": replace(RANDOM_GOAL, width=256, rounds=16)}
+"""Training configurations of the distributions."""
+N_FLIGHTS = {"random-goal": 2600, "random-hoops": 3000}
+"""Numbers of optimal flights to start from."""
+N_EPISODES = {"random-goal": 1000, "random-hoops": 300}
+"""Numbers of evaluation episodes, unseen in training and of known K*."""
+STORE = USER_RESULTS / "flights"
+"""Folder of the optimal flights of sampled scenarios."""
+Card = dict[str, Any]
 
 
-def specialist(name: str, seed: int, out: Path, command: str) -> dict[str, Any]:
+def pretrain(
+    names: Sequence[str], seed: int, out: Path, watch: Callable[[Point], Any] = lambda _: None
+) -> Iterator[Card]:
+    """Train the policies of scenarios and distributions by name, write them, and yield their cards when done.
+
+    Distributions are trained one by one, on all cores; then scenarios, one on each core.
+
+    Args:
+        names: of scenarios and distributions.
+        seed: of all trainings.
+        out: folder of policies and cards.
+        watch: receives each validation point of a distribution's training.
+    """
+
+    def arguments(name: str) -> tuple[str, int, Path, str]:
+        return name, seed, out, f"flatquad pretrain {name} --seed {seed}"
+
+    for name in names:
+        if name in DISTRIBUTIONS:
+            yield pretrain_distribution(*arguments(name), watch=watch)
+    calls = [joblib.delayed(pretrain_scenario)(*arguments(name)) for name in names if name in SCENARIOS]
+    yield from joblib.Parallel(n_jobs=-1, return_as="generator_unordered")(calls)
+
+
+def pretrain_scenario(name: str, seed: int, out: Path, command: str) -> Card:
     """Train a policy for one scenario, write it and its card, and return the card."""
     torch.set_num_threads(1)
-    began, target = time.perf_counter(), SCENARIOS[name]
-    stages = [(replace(stage, scenario=name, seed=seed), scatter) for stage, scatter in STAGES]
-    flight = teacher(target)
-    keeper = BestPolicy(stages[0][0], target=flight.steps)
-    model = student(stages[0][0])
-    for config, scatter in stages:
-        if not keeper.satisfied:
-            model = dagger(model, regulated([flight], scatter=scatter, noise=scatter, seed=seed), config, keeper)
-    wall_time = time.perf_counter() - began
+    began = time.perf_counter()
+    stages = [(replace(config, scenario=name, seed=seed), spread) for config, spread in STAGES]
+    flight = robust_flight(SCENARIOS[name])
+    best = BestPolicy(stages[0][0], target=flight.steps)
+    model = untrained_policy(stages[0][0])
+    for config, spread in stages:
+        if not best.target_reached:
+            oracle = lqr_oracle([flight], start_noise=spread, action_noise=spread, seed=seed)
+            model = dagger(model, oracle, config, best)
+    training_s = time.perf_counter() - began
     policies.save(model, out / f"{name}.zip", name)
-    scores = evaluate(
-        model,
-        name,
-        1,
-        agent=name,
-        algorithm="DAgger",
-        env_steps=keeper.env_steps,
-        wall_time_s=round(wall_time, 1),
-        command=command,
-    )
-    return card(
-        out / f"{name}.json", seed, command, [config for config, _ in stages], keeper.curve, dict(scores.iloc[0])
-    )
+    score = scored(model, name, 1, best, training_s, command)
+    return write_card(out / f"{name}.json", seed, command, [config for config, _ in stages], best.curve, score)
 
 
-def generalist(
+def pretrain_distribution(
     name: str, seed: int, out: Path, command: str, jobs: int = -1, watch: Callable[[Point], Any] = lambda _: None
-) -> dict[str, Any]:
-    """Train a policy for a distribution, write it and its card, and return the card; `watch` is told each round."""
+) -> Card:
+    """Train a policy for a distribution, write it and its card, and return the card; arguments as of `pretrain`."""
     torch.set_num_threads(joblib.effective_n_jobs(jobs))
     began, distribution = time.perf_counter(), DISTRIBUTIONS[name]
-    config = replace(GENERAL[name], scenario=name, seed=seed)
-    drawn = [inner(distribution.scenario(i), INNER) for i in range(FLIGHTS[name])]
-    before = len(list(STORE.glob(f"{name}-*.json")))
-    flights = fewest_steps_many(drawn, jobs=jobs, store=STORE)
+    config = replace(DISTRIBUTION_CONFIGS[name], scenario=name, seed=seed)
+    scenarios = [with_hoop_share(distribution.scenario(i), HOOP_SHARE) for i in range(N_FLIGHTS[name])]
+    stored = len(list(STORE.glob(f"{name}-*.json")))
+    flights = fewest_steps_many(scenarios, jobs=jobs, store=STORE)
     planned = time.perf_counter()
-    keeper = BestPolicy(config, watch=watch)
-    model = dagger(student(config), guided(flights, distribution, seed=seed, jobs=jobs), config, keeper)
-    wall_time = time.perf_counter() - began
-    policies.save(archive.rounded(model), out / f"{name}.zip", name)
-    scores = evaluate(
+    best = BestPolicy(config, on_validation=watch)
+    model = dagger(untrained_policy(config), combined_oracle(flights, distribution, seed=seed, jobs=jobs), config, best)
+    training_s = time.perf_counter() - began
+    policies.save(rounded(model), out / f"{name}.zip", name)
+    score = scored(model, name, N_EPISODES[name], best, training_s, command)
+    cost = {"planning_s": round(planned - began, 1), "flights": len(flights), "planned_before": stored}
+    return write_card(out / f"{name}.json", seed, command, [config], best.curve, score, **cost)
+
+
+def scored(model: Any, name: str, episodes: int, best: BestPolicy, training_s: float, command: str) -> Card:
+    """Return the score row of a trained policy."""
+    rows = evaluate(
         model,
         name,
-        EPISODES[name],
+        episodes,
         agent=name,
         algorithm="DAgger",
-        env_steps=keeper.env_steps,
-        wall_time_s=round(wall_time, 1),
+        env_steps=best.env_steps,
+        wall_time_s=round(training_s, 1),
         command=command,
     )
-    return card(
-        out / f"{name}.json",
-        seed,
-        command,
-        [config],
-        keeper.curve,
-        dict(scores.iloc[0]),
-        planning_s=round(planned - began, 1),
-        flights=len(flights),
-        planned_before=before,
-    )
+    return dict(rows.iloc[0])
 
 
-def card(
-    path: Path,
-    seed: int,
-    command: str,
-    configs: Sequence[Any],
-    curve: list[Point],
-    score: dict[str, Any],
-    **further: Any,
-) -> dict[str, Any]:
-    """Write and return what is to be known of a policy, as it stands in the file."""
-    words = provenance(command) | {
+def write_card(
+    path: Path, seed: int, command: str, configs: Sequence[Any], curve: list[Point], score: Card, **further: Any
+) -> Card:
+    """Write the card of a policy, and return it as the file holds it."""
+    card = provenance(command) | {
         "seed": seed,
         "configs": [{"kind": type(config).__name__} | asdict(config) for config in configs],
         "curve": curve,
         "score": score,
     }
-    words = plain(words | further)
-    write_json(path, words)
-    return words
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Make the policies asked for: those of distributions one by one on all cores, the others side by side."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("names", nargs="+", choices=[*SCENARIOS, *DISTRIBUTIONS])
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, default=archive.PRETRAINED)
-    asked = parser.parse_args(arguments)
-
-    def told(name: str) -> tuple[str, int, Path, str]:
-        return name, asked.seed, asked.out, f"python -m experiments.recipes.pretraining {name} --seed {asked.seed}"
-
-    with progress_bar() as bar:
-        work = bar.add_task("policies", total=len(asked.names), note="")
-
-        def watch(point: Point) -> None:
-            success, steps = point["success_rate"], point["steps"]
-            bar.console.print(f"after {point['wall_time_s']:.0f} s: {success:.1%} succeed, in {steps:.1f} steps")
-
-        general = (generalist(*told(name), watch=watch) for name in asked.names if name in DISTRIBUTIONS)
-        calls = [joblib.delayed(specialist)(*told(name)) for name in asked.names if name in SCENARIOS]
-        special = joblib.Parallel(n_jobs=-1, return_as="generator_unordered")(calls)
-        for made in itertools.chain(general, special):
-            score = made["score"]
-            bar.update(work, note=f"{score['scenario']}: {score['steps']:.4g} steps, gap {score['gap']:.1%}")
-            bar.advance(work)
-
-
-if __name__ == "__main__":
-    main()
+    card = plain(card | further)
+    write_json(path, card)
+    return card

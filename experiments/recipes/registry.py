@@ -1,11 +1,10 @@
-"""The recipes of the learners' study: how each agent comes about, on one scenario and on a distribution.
+"""All recipes by agent name, and what must be planned before they run.
 
-    RECIPES["dagger"](Lesson("hoop", seed=0, folder=Path("runs")))    # -> Made: the policy, and what it cost
-    EXPERTS["tape"](Lesson("random-goal", seed=0, folder=Path("runs")))
+    LEARNERS["dagger"](RunSpec("hoop", seed=0, folder=Path("runs")))    # -> TrainedAgent
+    EXPERTS["open-loop"](RunSpec("random-goal", seed=0, folder=Path("runs")))
 
-On the scenario the expert is the regulator about one optimal flight, planned through hoops narrower than they are, so
-that who errs a little still flies through (`experiments.recipes.pretraining`). On the distribution every flight has its own
-plan. All recipes that imitate see the same flights, planned once.
+On a scenario the expert is an LQR around one optimal flight, planned with margins (`experiments.recipes.margins`).
+On a distribution every episode has a plan of its own. All imitation recipes use the same flights, planned once.
 """
 
 from __future__ import annotations
@@ -14,46 +13,51 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
-from agents.evaluation.checks import VALIDATION_SEED
-from experiments.recipes.baselines import cascade, expert, grazing, pretrained, replanner, tape
-from experiments.recipes.imitation import advised, clone
-from experiments.recipes.lesson import RunSpec, TrainedAgent, best_known
-from experiments.recipes.plans import plans
-from experiments.recipes.reinforcement import ppo, sac, tuned
+from agents.evaluation.validation import VALIDATION_SEED
+from experiments.recipes.baselines import cascaded_pd, expert, expert_no_margin, mpc, open_loop, pretrained
+from experiments.recipes.imitation import train_bc, train_dagger
+from experiments.recipes.plans import plan_flights
+from experiments.recipes.reinforcement import train_bc_ppo, train_ppo, train_sac
+from experiments.recipes.run_spec import RunSpec, TrainedAgent
 from flatgym.scenarios.reference import EVALUATION_SEED
 
-
-def prepare(lesson: RunSpec, agents: Collection[str]) -> float:
-    """Plan what some agents need to begin; return K* of a problem's checks: on a distribution the mean of its flights'.
-
-    Args:
-        lesson: whose problem and sizes count.
-        agents: who is going to be made.
-    """
-    sizes = lesson.sizes
-    if not lesson.drawn:
-        return best_known(lesson)
-    if not IMITATORS.isdisjoint(agents):
-        plans(lesson, 0, sizes.planned)
-    if not PILOTS.isdisjoint(agents):
-        plans(lesson, EVALUATION_SEED, sizes.disturbed)
-    checked, _ = plans(lesson, VALIDATION_SEED, sizes.n_eval_episodes, share=1.0)
-    return float(np.mean([flight.steps for flight in checked]))
-
-
 Recipe = Callable[[RunSpec], TrainedAgent]
-LEARNERS: dict[str, Recipe] = {"ppo": ppo, "sac": sac, "bc": clone, "dagger": advised, "bc-ppo": tuned}
-"""What is learnt, once for each seed."""
+LEARNERS: dict[str, Recipe] = {
+    "ppo": train_ppo,
+    "sac": train_sac,
+    "bc": train_bc,
+    "dagger": train_dagger,
+    "bc-ppo": train_bc_ppo,
+}
+"""Trained agents; each seed is a training run."""
 EXPERTS: dict[str, Recipe] = {
     "expert": expert,
-    "tape": tape,
-    "pd": cascade,
+    "open-loop": open_loop,
+    "pd": cascaded_pd,
     "pretrained": pretrained,
-    "expert-rim": grazing,
-    "replanner": replanner,
+    "expert-no-margin": expert_no_margin,
+    "mpc": mpc,
 }
-"""What knows how to fly already, and knows no seed."""
-ONLY_SCENARIOS = ("expert-rim", "replanner")
-"""Those that are flown on scenarios only."""
-IMITATORS, PILOTS = {"bc", "dagger", "bc-ppo"}, {"expert", "tape"}
-"""Those that on a distribution learn from planned flights, and those that fly plans of their own."""
+"""Agents without training, and without a seed."""
+SCENARIO_ONLY = ("expert-no-margin", "mpc")
+"""Agents that fly scenarios, but no distributions."""
+NEED_DEMONSTRATIONS, NEED_PLANS = {"bc", "dagger", "bc-ppo"}, {"expert", "open-loop"}
+"""Agents that on a distribution need optimal flights for training, and those that need one for each episode."""
+
+
+def prepare(spec: RunSpec, agents: Collection[str]) -> float:
+    """Plan the flights that some agents need, and return K* of validation, on a distribution the episodes' mean.
+
+    Args:
+        spec: the task and the budget; the seed is not used.
+        agents: names of the agents to run.
+    """
+    budget = spec.budget
+    if not spec.is_distribution:
+        return spec.k_star
+    if not NEED_DEMONSTRATIONS.isdisjoint(agents):
+        plan_flights(spec, 0, budget.demonstrations)
+    if not NEED_PLANS.isdisjoint(agents):
+        plan_flights(spec, EVALUATION_SEED, budget.disturbed_episodes)
+    validation, _ = plan_flights(spec, VALIDATION_SEED, budget.n_eval_episodes, share=1.0)
+    return float(np.mean([flight.steps for flight in validation]))

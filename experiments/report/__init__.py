@@ -1,4 +1,1 @@
-"""What the report page is made of: `board` the numbers, `charts` the figures, `race` the flights.
-
-`experiments.report.page` puts them together with the HTML, CSS and JavaScript that lie beside them.
-"""
+"""The HTML report: leaderboard, figures, the paper's table and figures, and races against the best-known flights."""

@@ -1,8 +1,8 @@
-// Figures: Plotly is unpacked after the page has been shown, and each figure drawn when it comes near.
+// Figures: Plotly is decompressed after the page is visible, and each figure is drawn when it is near the viewport.
 "use strict";
 (() => {
   const { dark, charts } = JSON.parse(document.getElementById("figures").textContent);
-  const NARROW = 520; // [px]; below, letters are smaller
+  const NARROW = 520; // width below which the font is smaller [px]
   const places = [...document.querySelectorAll(".chart")];
   const near = new Set();
   let ready = false;
@@ -15,44 +15,44 @@
     return chart.aspect ? Math.max(220, Math.min(chart.height, natural)) : chart.height;
   }
 
-  // A colour of the light theme is a string like any other: those that have a counterpart in the dark are exchanged.
-  function painted(value) {
+  // A copy of a value with the colours of the light theme replaced by those of the dark theme.
+  function darkened(value) {
     if (typeof value === "string") return dark[value] ?? value;
-    if (Array.isArray(value)) return value.map(painted);
+    if (Array.isArray(value)) return value.map(darkened);
     if (value && typeof value === "object") {
-      return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, painted(inner)]));
+      return Object.fromEntries(Object.entries(value).map(([key, inner]) => [key, darkened(inner)]));
     }
     return value;
   }
 
-  function dressed(place, chart) {
-    const figure = isDark() ? painted(chart.figure) : structuredClone(chart.figure);
+  function styled(place, chart) {
+    const figure = isDark() ? darkened(chart.figure) : structuredClone(chart.figure);
     const narrow = place.clientWidth < NARROW;
     const axis = {
       gridcolor: token("--faint"), linecolor: token("--outline"), title: { standoff: 8 },
       ticks: "outside", ticklen: 4, tickcolor: token("--faint"), fixedrange: matchMedia("(pointer: coarse)").matches,
     };
-    const house = {
+    const base = {
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { family: "system-ui, sans-serif", size: narrow ? 11 : 13, color: token("--ink") },
       hoverlabel: { bgcolor: token("--raised"), font: { color: token("--ink") } },
       xaxis: axis, yaxis: axis,
     };
     const margin = { l: narrow ? 44 : 56, r: narrow ? 10 : 18, t: 30, b: 46 };
-    const layout = { margin, ...figure.layout, template: { layout: house }, height: heightOf(place, chart) };
+    const layout = { margin, ...figure.layout, template: { layout: base }, height: heightOf(place, chart) };
     return [figure.data, layout];
   }
 
   const config = { displaylogo: false, displayModeBar: false };
   function draw(place) {
-    const [data, layout] = dressed(place, charts[place.id]);
+    const [data, layout] = styled(place, charts[place.id]);
     Plotly.react(place, data, layout, config);
   }
 
-  // Places are as high as what will be drawn there, so that nothing jumps.
+  // Reserve the height of each figure, so that the page does not jump when it is drawn.
   for (const place of places) {
     const chart = charts[place.id];
-    if (chart.least) place.style.minWidth = `${chart.least}px`;
+    if (chart.min_width) place.style.minWidth = `${chart.min_width}px`;
     place.style.minHeight = `${heightOf(place, chart)}px`;
   }
 
@@ -66,9 +66,9 @@
   }, { rootMargin: "600px" });
   places.forEach((place) => watch.observe(place));
 
-  // Plotly's own resizing keeps heights and letters as they were.
+  // Plotly's own resizing would keep height and font.
   const widths = new Map();
-  const stretched = new ResizeObserver((entries) => {
+  const resized = new ResizeObserver((entries) => {
     for (const { target, contentRect } of entries) {
       if (widths.get(target) === contentRect.width || !contentRect.width) continue;
       const first = !widths.has(target);
@@ -77,7 +77,7 @@
       if (!first && ready && near.has(target)) draw(target);
     }
   });
-  places.forEach((place) => stretched.observe(place));
+  places.forEach((place) => resized.observe(place));
 
   function drawAll() {
     if (ready) near.forEach(draw);
@@ -88,8 +88,8 @@
     drawAll();
   });
 
-  async function unpacked(text) {
-    const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  async function decompressed(text) {
+    const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
     return new Response(stream).text();
   }
@@ -97,7 +97,7 @@
   async function load() {
     const packed = document.getElementById("plotly");
     const script = document.createElement("script");
-    script.textContent = await unpacked(packed.textContent);
+    script.textContent = await decompressed(packed.textContent);
     packed.remove();
     document.head.append(script);
     ready = true;
@@ -105,11 +105,11 @@
     document.documentElement.dataset.figures = "ready";
   }
 
-  function failed(problem) {
-    for (const place of places) place.textContent = `Figures could not be drawn: ${problem}`;
+  function fail(error) {
+    for (const place of places) place.textContent = `Figures could not be drawn: ${error}`;
   }
 
   const idle = window.requestIdleCallback ?? ((work) => setTimeout(work, 50));
   const afterPaint = (work) => requestAnimationFrame(() => requestAnimationFrame(() => idle(work)));
-  addEventListener("load", () => afterPaint(() => load().catch(failed)));
+  addEventListener("load", () => afterPaint(() => load().catch(fail)));
 })();

@@ -1,8 +1,9 @@
-// The vehicle's exact step, as in flatgym/quadrotor.py: x'' = f sin(theta), z'' = f cos(theta) - g, theta' = omega.
+// Flight: the exact step of the vehicle, as in flatgym/quadrotor.py.
+// x'' = f sin(theta), z'' = f cos(theta) - g, theta' = omega, for constant thrust f and rate omega.
 "use strict";
 const Flight = (() => {
-  // Spherical Bessel functions j0(a) = sin a / a and j1(a) = (sin a - a cos a) / a^2; a half turn within a step is
-  // small, where both closed forms lose digits and the series do not.
+  // Spherical Bessel functions j0(a) = sin a / a and j1(a) = (sin a - a cos a) / a^2. For small a the closed forms lose
+  // digits, so series are used.
   function bessel(a) {
     const q = a * a;
     if (q >= 0.25) return [Math.sin(a) / a, (Math.sin(a) - a * Math.cos(a)) / q];
@@ -27,22 +28,22 @@ const Flight = (() => {
     ];
   }
 
-  // State and control after `steps` environment steps, a real number; whoever has ended stays where he is.
-  function at(flight, steps, { dt, gravity }) {
-    const n = flight.steps;
-    if (steps >= n) return { state: flight.states[n], control: [0, 0], step: n, ended: true };
+  // State and control of an entry after `steps` environment steps, a real number. After its end it stays in place.
+  function at(entry, steps, { dt, gravity }) {
+    const n = entry.steps;
+    if (steps >= n) return { state: entry.states[n], control: [0, 0], step: n, ended: true };
     const step = Math.floor(steps);
-    const control = flight.controls[step];
-    return { state: exact(flight.states[step], control, (steps - step) * dt, gravity), control, step, ended: false };
+    const control = entry.controls[step];
+    return { state: exact(entry.states[step], control, (steps - step) * dt, gravity), control, step, ended: false };
   }
 
-  // Points [x, z] of the path until then, several to a step.
-  const PARTS = 4;
-  function path(flight, steps, world) {
-    const last = Math.min(steps, flight.steps);
+  // Points [x, z] of the path up to then, several for each step.
+  const POINTS_PER_STEP = 4;
+  function path(entry, steps, world) {
+    const last = Math.min(steps, entry.steps);
     const points = [];
-    for (let i = 0; i < last * PARTS; i += 1) points.push(at(flight, i / PARTS, world).state);
-    points.push(at(flight, last, world).state);
+    for (let i = 0; i < last * POINTS_PER_STEP; i += 1) points.push(at(entry, i / POINTS_PER_STEP, world).state);
+    points.push(at(entry, last, world).state);
     return points;
   }
 

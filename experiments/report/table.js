@@ -1,4 +1,4 @@
-// Tables are sorted by the heading that is pressed, ascending at first; what has no value stays last.
+// Tables: a click on a heading sorts, ascending at first; cells without a value stay last. A select filters by task.
 "use strict";
 (() => {
   const valueOf = (row, column) => row.cells[column].dataset.value;
@@ -26,7 +26,7 @@
     });
   }
 
-  document.getElementById("problem").addEventListener("change", (event) => {
+  document.getElementById("task").addEventListener("change", (event) => {
     for (const row of document.getElementById("leaderboard").tBodies[0].rows) {
       row.hidden = event.target.value !== "" && valueOf(row, 0) !== event.target.value;
     }

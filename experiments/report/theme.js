@@ -1,50 +1,50 @@
-// Light or dark: what was chosen last, else what the system wishes. Others listen for "themechange".
-// This runs in the head, before anything is painted.
+// Theme: light or dark, as chosen last, else as the system prefers. Other scripts listen for "themechange".
+// It runs in the head, before the first paint.
 "use strict";
 (() => {
   const root = document.documentElement;
-  const wish = matchMedia("(prefers-color-scheme: dark)");
+  const preference = matchMedia("(prefers-color-scheme: dark)");
   const KEY = "flatquad-theme";
 
-  // Storage may be forbidden, for files above all: then the choice lasts as long as the page.
+  // Storage may be forbidden, for local files above all. Then the choice is lost with the page.
   const stored = () => { try { return localStorage.getItem(KEY); } catch { return null; } };
-  const store = (theme) => { try { localStorage.setItem(KEY, theme); } catch { /* not kept */ } };
-  const wanted = () => stored() ?? (wish.matches ? "dark" : "light");
+  const store = (theme) => { try { localStorage.setItem(KEY, theme); } catch { /* not stored */ } };
+  const current = () => stored() ?? (preference.matches ? "dark" : "light");
 
   function show(theme) {
     if (root.dataset.theme === theme) return;
     root.dataset.theme = theme;
-    name();
+    labelToggle();
     document.dispatchEvent(new Event("themechange"));
   }
 
-  function name() {
+  function labelToggle() {
     const toggle = document.getElementById("theme");
     if (toggle) toggle.textContent = root.dataset.theme === "dark" ? "Light" : "Dark";
   }
 
-  function change() {
+  function toggleTheme() {
     const theme = root.dataset.theme === "dark" ? "light" : "dark";
     store(theme);
     show(theme);
   }
 
-  show(wanted());
-  wish.addEventListener("change", () => show(wanted()));
+  show(current());
+  preference.addEventListener("change", () => show(current()));
   addEventListener("DOMContentLoaded", () => {
-    name();
-    document.getElementById("theme").addEventListener("click", change);
+    labelToggle();
+    document.getElementById("theme").addEventListener("click", toggleTheme);
   });
 
-  // Paper is white, and folded figures would be missing on it.
-  const folded = new Set();
+  // Print in the light theme, with all figures open.
+  const closed = new Set();
   addEventListener("beforeprint", () => {
-    for (const fold of document.querySelectorAll("details:not([open])")) { folded.add(fold); fold.open = true; }
+    for (const details of document.querySelectorAll("details:not([open])")) { closed.add(details); details.open = true; }
     show("light");
   });
   addEventListener("afterprint", () => {
-    for (const fold of folded) fold.open = false;
-    folded.clear();
-    show(wanted());
+    for (const details of closed) details.open = false;
+    closed.clear();
+    show(current());
   });
 })();

@@ -1,0 +1,144 @@
+"""What a recipe receives and returns: a run specification with its budget, and the trained agent with its cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from agents.evaluation.validation import Point
+from agents.policies.policy import Policy
+from flatgym.scenarios import catalogue
+from flatgym.scenarios.distributions import Distribution
+from flatgym.scenarios.reference import reference
+from flatgym.scenarios.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Training time, sample counts and episode counts of all recipes.
+
+    Pairs hold the value for a scenario, then the value for a distribution.
+
+    Attributes:
+        max_seconds: wall time of PPO and of SAC [s].
+        finetuning_s: wall time of PPO that starts from a cloned policy [s].
+        ppo_steps, sac_steps, finetuning_steps: environment steps over which the training schedules run.
+        expert_rollouts: episodes of the LQR expert that are cloned on a scenario; a DAgger round has half as many.
+        demonstrations: optimal flights that are cloned on a distribution.
+        gradient_steps: pair, gradient steps of behaviour cloning.
+        rounds: pair, rounds of DAgger.
+        round_gradient_steps: pair, gradient steps of one DAgger round.
+        round_rollouts: episodes of a DAgger round on a distribution that the LQR labels.
+        round_replans: episodes of a DAgger round on a distribution that are labelled by new optimal plans.
+        dagger_s: wall time after which no DAgger round begins [s].
+        n_eval_episodes: validation episodes on a distribution.
+        nominal_episodes: episodes of a policy on a distribution, without disturbances.
+        disturbed_episodes: episodes under each disturbance, and of agents that need a plan for every episode.
+        mpc_episodes: episodes of MPC, which takes seconds each.
+    """
+
+    max_seconds: float = 100.0
+    finetuning_s: float = 50.0
+    ppo_steps: int = 2_500_000
+    sac_steps: int = 50_000
+    finetuning_steps: int = 800_000
+    expert_rollouts: int = 64
+    demonstrations: int = 1_500
+    gradient_steps: tuple[int, int] = (4_000, 6_000)
+    rounds: tuple[int, int] = (12, 5)
+    round_gradient_steps: tuple[int, int] = (1_000, 2_500)
+    round_rollouts: int = 800
+    round_replans: int = 40
+    dagger_s: float = 250.0
+    n_eval_episodes: int = 64
+    nominal_episodes: int = 1_000
+    disturbed_episodes: int = 200
+    mpc_episodes: int = 10
+
+
+FULL = Budget()
+SMOKE = Budget(
+    max_seconds=4.0,
+    finetuning_s=4.0,
+    ppo_steps=33_000,
+    sac_steps=2_000,
+    finetuning_steps=33_000,
+    expert_rollouts=4,
+    demonstrations=6,
+    gradient_steps=(50, 50),
+    rounds=(2, 2),
+    round_gradient_steps=(50, 50),
+    round_rollouts=4,
+    round_replans=2,
+    dagger_s=4.0,
+    n_eval_episodes=2,
+    nominal_episodes=4,
+    disturbed_episodes=3,
+    mpc_episodes=1,
+)
+"""A smoke test's budget: everything runs, nothing is learnt."""
+
+
+@dataclass(frozen=True)
+class RunSpec:
+    """One training run: the task, the seed, the folder and the budget.
+
+    Attributes:
+        problem: name of the scenario or distribution.
+        seed: of network initialisation, exploration and batches.
+        folder: where flights, policies and training checkpoints are stored.
+        budget: training time, sample counts and episode counts.
+    """
+
+    problem: str
+    seed: int
+    folder: Path
+    budget: Budget = FULL
+
+    @cached_property
+    def target(self) -> Scenario | Distribution:
+        """The scenario or distribution of that name."""
+        return catalogue.problem(self.problem)
+
+    @cached_property
+    def is_distribution(self) -> bool:
+        """Whether the task is a distribution; also the index into the pairs of a Budget."""
+        return isinstance(self.target, Distribution)
+
+    @cached_property
+    def k_star(self) -> int:
+        """K* of a scenario, where training may stop; 0 for a distribution, where it may not."""
+        known = reference(self.problem)
+        return 0 if known is None else known.k_star
+
+    def file(self, agent: str, suffix: str) -> Path:
+        """Return the path of an agent's file with that suffix; of a folder for the suffix ""."""
+        return self.folder / f"{self.problem}-{agent}-{self.seed}{suffix}"
+
+
+@dataclass(frozen=True)
+class TrainedAgent:
+    """An agent and what its training cost.
+
+    Attributes:
+        policy: the policy.
+        algorithm: how it was trained or built.
+        configs: the training configurations, in order.
+        curve: validation points with env_steps, expert_labels, wall_time_s, outcome, success_rate, steps.
+        env_steps: environment steps of the policy during training.
+        expert_labels: steps labelled by an expert.
+        training_s: training time on one core [s].
+        planning_s: time to plan the demonstrations beforehand, on all cores [s].
+    """
+
+    policy: Policy
+    algorithm: str
+    configs: Sequence[Any] = ()
+    curve: Sequence[Point] = ()
+    env_steps: int = 0
+    expert_labels: int = 0
+    training_s: float = 0.0
+    planning_s: float = 0.0

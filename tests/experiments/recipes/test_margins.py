@@ -1,0 +1,34 @@
+"""Constraint tightening: robust flights take K* steps and keep their margins."""
+
+import pytest
+
+from experiments.recipes.margins import (
+    HOOP_MARGINS,
+    HOOP_SHARE,
+    robust_flight,
+    with_hoop_margin,
+    with_hoop_share,
+    with_margins,
+)
+from flatgym import DISTRIBUTIONS, SCENARIOS
+from flatgym.scenarios.reference import reference
+from flatgym.task.rollout import fly_actions
+from flatgym.task.scene import GOAL
+
+
+@pytest.mark.parametrize("name", ["hoop", "high-hoop"])
+def test_a_robust_flight_takes_k_star_steps_and_clears_the_rims(name):
+    scenario = SCENARIOS[name]
+    flight = robust_flight(scenario)
+    assert flight.scenario == scenario
+    assert flight.steps == reference(name).k_star
+    assert with_margins(scenario) == with_hoop_margin(scenario, HOOP_MARGINS[name])
+    for tightened in (scenario, with_margins(scenario)):
+        assert fly_actions(tightened, flight.actions)[-1].outcome[0] == GOAL
+
+
+def test_a_share_of_the_free_width_leaves_room_for_the_vehicle():
+    scenario = DISTRIBUTIONS["random-hoops"].scenario(0)
+    radius = scenario.quadrotor.radius
+    for hoop, narrow in zip(scenario.hoops, with_hoop_share(scenario, HOOP_SHARE).hoops, strict=True):
+        assert narrow.diameter - 2 * radius == pytest.approx(HOOP_SHARE * (hoop.diameter - 2 * radius))
