@@ -1,4 +1,4 @@
-"""Bernstein bounds: never below a value, hardly above the greatest, exact where the maximum is known."""
+"""Bernstein bounds: never below a value, close to the maximum, and exact for known maxima."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from optimal.flat.bernstein import Pieces, constant, maximum, taylor
 
 
 def pieces(coefficients: np.ndarray) -> Pieces:
-    """Return polynomials on [0, 1], coefficients of powers, constant first, shape (m, degree + 1)."""
+    """Return polynomials on [0, 1] from power coefficients, constant term first, shape (m, degree + 1)."""
     derivatives = [math.factorial(k) * coefficients[:, k] for k in range(coefficients.shape[1])]
     return taylor(derivatives, np.ones(len(coefficients)))
 
@@ -34,7 +34,7 @@ def test_bounds_are_tight_and_never_below_a_value(generator, degree):
         assert bound == pytest.approx(greatest(c), abs=1e-9)
 
 
-def test_the_largest_of_many_pieces_counts(generator):
+def test_the_maximum_over_many_pieces_is_that_of_the_largest(generator):
     c = generator.normal(size=(30, 6))
     assert maximum(pieces(c)) == pytest.approx(max(map(greatest, c)), abs=1e-9)
 
@@ -78,10 +78,10 @@ def test_quotients_are_bounded(generator):
     assert maximum(pieces(np.array([[0.0, 1.0]])), pieces(np.array([[1.0, 1.0]]))) == pytest.approx(0.5, abs=1e-11)
 
 
-def test_a_denominator_that_vanishes_shows_nothing():
+def test_a_vanishing_denominator_gives_an_infinite_bound():
     assert maximum(constant(1.0, 1), pieces(np.array([[-0.3, 1.0]]))) == math.inf
 
 
-def test_errors_are_taken_outwards():
+def test_errors_widen_the_bound():
     uncertain = Pieces(np.array([[1.0, 2.0, 1.0]]), np.array([0.01]))
     assert maximum(uncertain) >= 1.5 + 0.01

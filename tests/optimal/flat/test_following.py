@@ -1,4 +1,4 @@
-"""Eq. (8): times known in closed form, times another method finds, flights another integrator repeats."""
+"""Eq. (8): closed-form times, times of reachability analysis, and motions repeated by another integrator."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SPLINE = BSplinePath(((0.0, 0.0), (1.0, 0.5), (1.5, 2.0), (3.0, 2.0), (3.5, 0.0)
 
 
 class Circle:
-    """A horizontal circle of 2 m radius, 1 m high, seen without turning."""
+    """A horizontal circle of 2 m radius, 1 m high, with constant yaw."""
 
     def __call__(self, s: ArrayLike, order: int = 0) -> Array:
         s = np.asarray(s, dtype=np.float64)
@@ -65,7 +65,7 @@ def flown(name: str) -> FlatTrajectory:
 
 @pytest.mark.parametrize(
     ("name", "exact"),
-    # 4 m is the longer side: from rest to rest at 10 m/s^2; and with a cruise at 2 m/s.
+    # 4 m along the longer axis: from rest to rest at 10 m/s^2, and with a cruise at 2 m/s.
     [("line", 2 * np.sqrt(4 / 10)), ("limited line", 4 / 2 + 2 / 10)],
 )
 def test_a_point_mass_takes_its_closed_form_time(name: str, exact: float) -> None:
@@ -73,7 +73,7 @@ def test_a_point_mass_takes_its_closed_form_time(name: str, exact: float) -> Non
 
 
 class _Geometry(AbstractGeometricPath):  # type: ignore[misc]
-    """A path as toppra asks for it."""
+    """Adapter of a path to the interface of toppra."""
 
     dof, path_interval = 2, np.array([0.0, 1.0])
 
@@ -85,7 +85,7 @@ class _Geometry(AbstractGeometricPath):  # type: ignore[misc]
 
 
 def reachability_time(path: Path, system: PointMass) -> float:
-    """Return the time that toppra's reachability analysis finds [s], extrapolated to ever finer grids."""
+    """Return the time of toppra's reachability analysis [s], extrapolated over two grids."""
     velocity = JointVelocityConstraint(np.full(2, min(system.speed_max, 1e3)))
     acceleration = JointAccelerationConstraint(
         np.full(2, system.acceleration_max), discretization_scheme=DiscretizationType.Interpolation
@@ -100,18 +100,18 @@ def reachability_time(path: Path, system: PointMass) -> float:
 
 
 @pytest.mark.parametrize("name", ["bezier", "limited bezier", "spline"])
-def test_second_order_limits_give_the_time_of_reachability_analysis(name: str) -> None:
+def test_times_agree_with_reachability_analysis(name: str) -> None:
     path, system = MOTIONS[name]
     assert isinstance(system, PointMass)
     assert followed(name).time == pytest.approx(reachability_time(path, system), rel=5e-3)
 
 
-def test_a_path_that_is_given_is_no_faster_than_one_that_is_planned() -> None:
+def test_a_followed_path_is_no_faster_than_a_planned_one() -> None:
     assert followed("planar").time >= PLANNED_6
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_limits_hold_all_along(name: str) -> None:
+def test_limits_hold_in_continuous_time(name: str) -> None:
     trajectory, system = flown(name), MOTIONS[name][1]
     t = np.linspace(0, trajectory.duration, 5_001)
     values = np.concatenate([trajectory.state(t), trajectory.control(t)], axis=-1)
@@ -124,7 +124,7 @@ def test_limits_hold_all_along(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_the_path_flown_is_the_path_given_from_rest_to_rest(name: str) -> None:
+def test_the_motion_follows_the_given_path_from_rest_to_rest(name: str) -> None:
     trajectory, path = flown(name), MOTIONS[name][0]
     for t, s in ((0.0, 0.0), (trajectory.duration, 1.0)):
         np.testing.assert_allclose(trajectory(t), path(s), atol=1e-12)
@@ -142,34 +142,34 @@ def test_an_independent_integration_repeats_the_motion(
     assert replay_error(flown(name)) < 1e-6
 
 
-def test_on_a_circle_the_thrust_carries_and_turns_at_once() -> None:
+def test_thrust_bounds_the_speed_on_a_circle() -> None:
     trajectory, vehicle = flown("circle"), FullQuadrotor()
     thrust = trajectory.control(np.linspace(0, trajectory.duration, 5001))[:, 0]
-    # The fastest circle leaves no thrust unused for long.
+    # The fastest circle uses the full thrust, for gravity and centripetal force together.
     assert thrust.max() > 0.99 * vehicle.thrust_max
     speed = np.linalg.norm(trajectory(np.linspace(0, trajectory.duration, 5001), 1), axis=-1)
     assert speed.max() ** 2 / 2.0 <= np.sqrt(vehicle.thrust_max**2 - vehicle.gravity**2) * (1 + 1e-6)
 
 
-def test_a_path_flown_backwards_takes_as_long() -> None:
+def test_the_reversed_path_takes_the_same_time() -> None:
     back = BezierPath(BEZIER.points[::-1])
     assert follow(back, PointMass(acceleration_max=5.0)).time == pytest.approx(followed("bezier").time, rel=1e-5)
 
 
-def test_limits_at_nodes_only_are_said_to_be_no_motion() -> None:
-    lie = follow(BEZIER, PointMass(acceleration_max=5.0), checks="nodes")
-    assert not lie.converged or lie.time < followed("bezier").time
-    assert lie.violation > 0
+def test_limits_at_nodes_only_are_violated_between_them() -> None:
+    solution = follow(BEZIER, PointMass(acceleration_max=5.0), checks="nodes")
+    assert not solution.converged or solution.time < followed("bezier").time
+    assert solution.violation > 0
 
 
-def test_a_path_beyond_the_limits_is_answered_with_a_reason() -> None:
-    # One metre below the rail a rope of 5 m cannot hang.
-    found = follow(PolynomialPath(((0.0, 2.0), (-1.0,))), OverheadCrane(rope_min=5.0), intervals=4)
-    assert not found.converged
-    assert found.time == np.inf
-    assert found.violation == np.inf
-    assert found.trajectory is None
-    assert found.status.startswith("Not solved")
+def test_an_infeasible_path_gives_a_reason() -> None:
+    # A rope of at least 5 m is too long for a load one metre below the rail.
+    solution = follow(PolynomialPath(((0.0, 2.0), (-1.0,))), OverheadCrane(rope_min=5.0), intervals=4)
+    assert not solution.converged
+    assert solution.time == np.inf
+    assert solution.violation == np.inf
+    assert solution.trajectory is None
+    assert solution.status.startswith("Not solved")
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_a_path_beyond_the_limits_is_answered_with_a_reason() -> None:
         (PolynomialPath(((0.0, 1.0), (0.0,), (0.0,))), "3 coordinates, but PlanarQuadrotor needs 2: x_m, z_m"),
     ],
 )
-def test_paths_that_lead_nowhere_are_refused(path: Path, message: str) -> None:
+def test_degenerate_paths_are_refused(path: Path, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         follow(path)
 

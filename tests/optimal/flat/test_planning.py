@@ -1,4 +1,4 @@
-"""Eq. (10): what is called solved is a flight near the best and never below it; what holds at nodes only is not."""
+"""Eq. (10): certified flights are close to the optimum and never below it; limits at nodes only give no flight."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ BEST = {
 }
 """Best flight times [s]: horizontals by Pontryagin's principle, the others by shooting with the exact step."""
 LOSS = {"horizontal-3": 1e-3, "horizontal-6": 1e-3, "ground-6": 1e-3, "diagonal": 5e-3, "hoop": 5e-3}
-"""How much longer a certified flight may take, relatively."""
+"""Greatest relative excess of the time of a certified flight over the best time."""
 PRINTED = [name for name in SCENARIOS if name.startswith(("horizontal", "ground"))] + ["diagonal", "hoop"]
 
 
@@ -61,12 +61,12 @@ def start_of(name: str, conditions: str) -> FlatTrajectory:
 
 
 @pytest.mark.parametrize("name", BEST)
-def test_certified_flights_are_near_the_best_and_never_below_it(name: str) -> None:
+def test_certified_flights_are_close_to_the_best_and_never_below_it(name: str) -> None:
     solution = planned(name)
     assert solution.converged, solution.status
     assert solution.optimised, solution.status
     assert solution.violation <= 1e-6
-    # The best of shooting is known to its last printed digit.
+    # The best times of shooting are rounded to the printed digits.
     assert -1e-5 < solution.time / BEST[name] - 1 < LOSS[name]
     assert solution.trajectory is not None
     assert solution.time == solution.trajectory.duration
@@ -84,12 +84,12 @@ def test_an_independent_dense_sampling_finds_no_violation(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["horizontal-3", "horizontal-6"])
-def test_limits_at_nodes_only_lie(name: str) -> None:
-    lie = planned(name, checks="nodes")
-    assert lie.converged, lie.status
-    assert lie.time < BEST[name]
-    assert lie.violation > 1
-    assert "not a flight" in lie.status
+def test_limits_at_nodes_only_give_impossible_times(name: str) -> None:
+    solution = planned(name, checks="nodes")
+    assert solution.converged, solution.status
+    assert solution.time < BEST[name]
+    assert solution.violation > 1
+    assert "not a flight" in solution.status
 
 
 @pytest.mark.parametrize("name", BEST)
@@ -101,7 +101,7 @@ def test_flights_begin_and_end_at_rest_upright_and_in_place(name: str) -> None:
         np.testing.assert_allclose(trajectory(t, 1), 0, atol=1e-9)
 
 
-def test_the_ground_is_never_touched_from_below() -> None:
+def test_the_flight_stays_above_the_floor() -> None:
     trajectory = flown("ground-6")
     assert trajectory(np.linspace(0, trajectory.duration, 10_001))[:, 1].min() >= -1e-12
 
@@ -151,11 +151,11 @@ def test_the_slow_central_start_is_feasible(name: str) -> None:
     np.testing.assert_allclose(weights[[0, -1], 0], paper(name).ends[:, 0], atol=1e-15)
 
 
-def test_implicit_end_conditions_are_never_faster_and_a_flight_too() -> None:
+def test_implicit_end_conditions_are_never_faster_and_give_a_flight() -> None:
     implicit = planned("horizontal-6", conditions="implicit")
     assert implicit.converged, implicit.status
     assert implicit.violation <= 1e-6
-    # Both are near the same optimum, from which each keeps its own small distance.
+    # Both are close to the same optimum, each with its own small loss.
     assert BEST["horizontal-6"] <= implicit.time < BEST["horizontal-6"] * (1 + 2e-3)
     assert implicit.time >= planned("horizontal-6").time * (1 - 2e-4)
     assert implicit.trajectory is not None
@@ -176,12 +176,12 @@ def test_the_error_falls_nearly_with_the_square_of_the_interval(name: str) -> No
         assert iterate.outcome in SUCCESS
         errors.append(abs(motion(problem, iterate).duration / BEST[name] - 1))
     order = -np.polyfit(np.log(ORDER_GRIDS), np.log(errors), 1)[0]
-    # Measured: 2.1 and 1.7. Bang-bang inputs switch inside an interval, which no polynomial follows.
+    # Measured: 2.1 and 1.7. Bang-bang inputs switch inside an interval, which a polynomial cannot represent.
     assert 1.5 < order < 3
 
 
 @pytest.mark.parametrize("name", ["horizontal-6", "hoop"])
-def test_what_remains_where_the_optimiser_fails_is_a_flight_along_the_central_path(name: str) -> None:
+def test_the_fallback_is_a_flight_along_the_central_path(name: str) -> None:
     problem = pose(paper(name).paths, None, paper(name).ends, "explicit", "certified")
     flight = _along_central_path(problem, slow_start(problem, 16))
     assert flight is not None
@@ -200,7 +200,7 @@ def test_a_third_path_between_two_changes_nothing() -> None:
     assert three.time >= BEST["horizontal-6"]
 
 
-def test_in_space_a_way_along_x_takes_as_long_as_in_the_plane(
+def test_a_displacement_along_x_takes_the_same_time_in_space_as_in_the_plane(
     replay_error: Callable[[FlatTrajectory], float],
 ) -> None:
     solution = plan([level(6, 0, -1, 0), level(6, 0, 1, 0)], FullQuadrotor(), intervals=16)
@@ -229,15 +229,15 @@ def test_the_same_problem_has_the_same_answer() -> None:
     assert again.iterations == planned("horizontal-6").iterations
 
 
-def test_a_failed_solve_gives_no_time_but_a_reason() -> None:
-    # Hovering takes 9.81 m/s^2, which this vehicle does not have: it cannot even start.
-    found = plan([level(3, -1), level(3, 1)], Quadrotor(thrust_min=1.0, thrust_max=5.0), intervals=4)
-    assert not found.converged
-    assert found.time == np.inf
-    assert found.violation == np.inf
-    assert found.trajectory is None
-    assert found.status.startswith("Not solved")
-    assert "start on another number of intervals" in found.status
+def test_a_failed_solve_gives_a_reason_and_no_time() -> None:
+    # This vehicle cannot hover, which takes 9.81 m/s^2.
+    solution = plan([level(3, -1), level(3, 1)], Quadrotor(thrust_min=1.0, thrust_max=5.0), intervals=4)
+    assert not solution.converged
+    assert solution.time == np.inf
+    assert solution.violation == np.inf
+    assert solution.trajectory is None
+    assert solution.status.startswith("Not solved")
+    assert "start on another number of intervals" in solution.status
 
 
 @pytest.mark.parametrize(
@@ -272,16 +272,16 @@ def test_paths_of_another_number_of_coordinates_are_refused() -> None:
         plan([level(3, -1), level(3, 1)], FullQuadrotor())
 
 
-def test_outer_paths_that_lead_nowhere_are_refused() -> None:
+def test_outer_paths_without_displacement_are_refused() -> None:
     with pytest.raises(ValueError, match="the central path between the outer paths stands still"):
         plan([level(0, -1), level(0, 1)], intervals=4)
 
 
-def test_implicit_conditions_ask_for_more_derivatives_at_rest() -> None:
-    # The paper's hoop paths bow with r(s), whose second derivative does not vanish.
+def test_implicit_conditions_require_more_derivatives_at_rest() -> None:
+    # The paper's hoop paths use r(s), whose second derivative does not vanish at the ends.
     with pytest.raises(ValueError, match="got derivative 2 with respect to s"):
         planned("hoop", conditions="implicit")
 
 
-def test_the_first_grid_is_the_default_one_where_it_will_do() -> None:
+def test_the_default_grid_is_kept_if_it_is_fine_enough() -> None:
     assert planned("horizontal-6").intervals == INTERVALS

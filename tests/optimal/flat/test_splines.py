@@ -1,4 +1,4 @@
-"""Splines with double knots: ones where they must be, smooth where they must be, and the same on finer grids."""
+"""Spline spaces with double knots: partition of unity, continuity, and exact refinement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A path and how fast it is travelled: times in closed form, derivatives, limits overstepped and slowed for."""
+"""Flat motions: times in closed form, derivatives, violation of limits, and uniform time scaling."""
 
 from __future__ import annotations
 
@@ -112,8 +112,8 @@ def test_the_length_flown_is_the_length_of_the_path() -> None:
     assert flown == pytest.approx(np.hypot(*np.diff(path, axis=0).T).sum(), rel=1e-6)
 
 
-def test_angles_are_followed_beyond_half_a_turn() -> None:
-    # A loop of 1 m flown at over 4 m/s: the thrust points to its centre all the way round.
+def test_angles_are_unwrapped_beyond_half_a_turn() -> None:
+    # In a loop of 1 m radius at more than 4 m/s, the thrust points towards the centre throughout.
     turns = np.linspace(0, 1, 65)
     points = np.stack([np.sin(2 * np.pi * turns), 1 - np.cos(2 * np.pi * turns)], axis=-1)
     loop = FlatTrajectory(
@@ -148,7 +148,7 @@ def test_at_a_breakpoint_values_are_those_of_the_interval_that_begins_there() ->
 
 
 @pytest.mark.parametrize("system", SYSTEMS, ids=IDS)
-def test_batches_of_any_shape_answer_as_their_elements(system: FlatSystem) -> None:
+def test_batched_values_equal_single_values(system: FlatSystem) -> None:
     trajectory = motion(system, below=5.0)
     t = np.linspace(0, trajectory.duration, 6).reshape(2, 3)
     assert trajectory(t, 2).shape == (2, 3, 2)
@@ -158,7 +158,7 @@ def test_batches_of_any_shape_answer_as_their_elements(system: FlatSystem) -> No
     np.testing.assert_allclose(trajectory.state(t)[1, 2], trajectory.state(t[1, 2]), rtol=1e-13, atol=1e-13)
 
 
-def test_a_slow_motion_oversteps_nothing_and_a_fast_one_by_as_much_as_sampling_shows() -> None:
+def test_the_violation_is_zero_for_a_slow_motion_and_agrees_with_sampling_for_a_fast_one() -> None:
     assert constraint_violation(single(speed((0.02, 0.0, 0.0)))) == 0
     fast, vehicle = single(speed((1.5, 0.0, 0.0))), Quadrotor()
     control = fast.control(np.linspace(0, fast.duration, 40_001))
@@ -168,24 +168,24 @@ def test_a_slow_motion_oversteps_nothing_and_a_fast_one_by_as_much_as_sampling_s
     assert interval_violations(fast)[0, 0].max() == pytest.approx(over[0], rel=1e-3)
 
 
-def test_a_motion_is_slowed_just_enough() -> None:
+def test_time_scaling_slows_a_motion_just_enough() -> None:
     slow = single(speed((0.02, 0.0, 0.0)))
-    # A hundredth too much of what lets the motion be slowed no more than that.
+    # The slowest of these motions that violates a limit by more than 0.2 %.
     fast = next(m for b in np.arange(0.1, 2.0, 0.01) if constraint_violation(m := single(speed((b, 0.0, 0.0)))) > 0.002)
     assert constraint_violation(fast) < 0.1
-    slowed = slowed_to_limits(fast, 1.2)
-    assert slowed is not None
-    assert constraint_violation(slowed) == 0
-    assert interval_violations(slowed).max() > -0.1
-    np.testing.assert_allclose(slowed.breakpoints / slowed.duration, slow.breakpoints / slow.duration, atol=1e-14)
+    scaled = slowed_to_limits(fast, 1.2)
+    assert scaled is not None
+    assert constraint_violation(scaled) == 0
+    assert interval_violations(scaled).max() > -0.1
+    np.testing.assert_allclose(scaled.breakpoints / scaled.duration, slow.breakpoints / slow.duration, atol=1e-14)
     assert slowed_to_limits(fast, 1.0001) is None
 
 
-def test_a_motion_within_limits_is_not_slowed() -> None:
+def test_a_motion_within_limits_is_not_scaled() -> None:
     slow = single(speed((0.02, 0.0, 0.0)))
-    slowed = slowed_to_limits(slow, 1.0)
-    assert slowed is not None
-    assert slowed.duration == slow.duration
+    scaled = slowed_to_limits(slow, 1.0)
+    assert scaled is not None
+    assert scaled.duration == slow.duration
 
 
 @pytest.mark.parametrize("t", [-0.1, 99.0, np.nan])
@@ -201,7 +201,7 @@ def test_times_orders_and_coordinates_outside_the_motion_are_refused(t: float) -
         trajectory.path(t)
 
 
-def test_only_a_planar_quadrotor_is_given_as_one() -> None:
+def test_only_a_planar_quadrotor_has_the_attribute_quadrotor() -> None:
     assert motion().quadrotor == Quadrotor()
     with pytest.raises(AttributeError, match="motion of a PointMass"):
         _ = motion(PointMass()).quadrotor

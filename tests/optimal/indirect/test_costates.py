@@ -1,4 +1,4 @@
-"""The costate report of direct solutions: small for optima and shrinking with the step, large for what is none."""
+"""The costate report of direct solutions: small for optima, decreasing with the step, and large otherwise."""
 
 import math
 from dataclasses import replace
@@ -37,7 +37,7 @@ def test_the_hamiltonian_is_one(name, winding):
     assert values.mean() == pytest.approx(1.0, abs=1e-6)
 
 
-def test_costates_of_another_flight_show():
+def test_costates_of_another_flight_are_detected():
     found, scenario = shot("horizontal-6"), SCENARIOS["horizontal-6"]
     good = report(found, scenario)
     for wrong in (
@@ -50,8 +50,8 @@ def test_costates_of_another_flight_show():
         assert bad.switching_agreement < 0.9
 
 
-def test_a_slower_flight_shows():
-    # With weaker limits the optimum is another flight: under the true ones it is not optimal.
+def test_a_slower_flight_is_detected():
+    # The optimum under weaker limits is another flight, which is not optimal under the true limits.
     scenario = SCENARIOS["horizontal-6"]
     weak = solve_winding(replace(scenario, quadrotor=Quadrotor(thrust_max=18.0)))
     assert report(weak, scenario).switching_agreement == 0.0
@@ -59,7 +59,7 @@ def test_a_slower_flight_shows():
     assert report(slow, scenario).singular_residual > 0.05
 
 
-def test_nothing_is_shown_of_what_did_not_converge():
+def test_the_report_of_an_unconverged_solution_is_infinite():
     nothing = report(replace(shot("horizontal-6"), converged=False), SCENARIOS["horizontal-6"])
     assert nothing == CostateReport(math.inf, 0.0, math.inf)
 
@@ -82,7 +82,7 @@ def test_signs_and_angles_are_those_of_the_hamiltonian(generator, quadrotor):
         assert abs(misalignment(turned, costate)) < 1e-12
 
 
-def test_arcs_read_off_the_steps_are_nearly_those_that_solve_the_conditions():
+def test_the_structure_of_the_direct_solution_is_close_to_the_extremal():
     structure, guess = arcs_of(shot("horizontal-6"))
     extremal = pontryagin(SCENARIOS["horizontal-6"])
     assert structure == ((20.0, 10.0), (20.0, None), (20.0, -10.0), (20.0, None), (20.0, 10.0))
@@ -90,7 +90,7 @@ def test_arcs_read_off_the_steps_are_nearly_those_that_solve_the_conditions():
     np.testing.assert_allclose(guess[5:], [*extremal.q0, *extremal.q1], atol=1e-3)
 
 
-def test_pieces_join_to_arcs_that_change_one_control_at_a_time():
+def test_merged_arcs_change_one_control_at_a_time():
     pieces = [((20.0, 10.0), 0.1), ((20.0, 10.0), 0.2), ((20.0, None), 0.4), ((1.0, -10.0), 0.8)]
     structure, durations = merged_arcs(pieces)
     assert structure == ((20.0, 10.0), (20.0, None), (20.0, -10.0), (1.0, -10.0))

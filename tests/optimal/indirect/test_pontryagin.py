@@ -1,4 +1,4 @@
-"""Pontryagin's conditions against shooting, a blind integration, symmetry, and the signs they ask for."""
+"""Extremals against shooting, an independent integration, symmetries, and the sign conditions."""
 
 import math
 from dataclasses import replace
@@ -34,7 +34,7 @@ def test_named_scenarios_agree_with_shooting_and_are_certified(name, winding):
     extremal, scenario = solved(name, winding), SCENARIOS[name]
     direct = solve_winding(scenario, winding, nodes=200).trajectory.duration
     assert extremal.converged, extremal.message
-    # The direct flight holds its controls over a step, so that it cannot be the faster one.
+    # The direct flight holds its controls over a step, so it cannot be faster.
     assert direct - 1e-4 < extremal.time < direct + 1e-8
     assert extremal.time == extremal.trajectory.duration == extremal.switches[-1].end
     certificate = certify(extremal.trajectory, scenario)
@@ -63,7 +63,7 @@ def test_random_goals_agree_with_shooting(generator):
 
 
 @pytest.mark.parametrize("limits", [{"thrust_min": 0.0}, {"rate_max": 4.0}, {"thrust_max": 14.0}, {"gravity": 3.7}])
-def test_any_limits(limits):
+def test_other_limits(limits):
     scenario = goal(4.0, 2.0, quadrotor=Quadrotor(**limits))
     extremal = pontryagin(scenario)
     assert extremal.converged
@@ -88,7 +88,7 @@ def test_structure_of_a_long_horizontal():
         ((5.0, 5.0), -1, 4, "min", 3.3e-3),  # the thrust rises once more before the end
     ],
 )
-def test_arcs_too_short_for_the_steps_of_the_direct_solution_are_put_in(place, winding, arc, rate, length):
+def test_arcs_shorter_than_a_step_of_the_direct_solution_are_inserted(place, winding, arc, rate, length):
     extremal = pontryagin(goal(*place), winding)
     assert extremal.converged
     assert extremal.switches[arc].rate == rate
@@ -104,20 +104,20 @@ def test_mirrored_goals_take_the_same_time_with_mirrored_costates():
 
 
 def test_reversed_flights_take_the_same_time():
-    # Backwards in time, a flight from A to B is one from B to A under the reversed turns.
+    # A flight from A to B reversed in time is a flight from B to A with reversed turns.
     assert pontryagin(goal(3.0, 2.0)).time == pytest.approx(pontryagin(goal(3.0, -2.0)).time, abs=1e-9)
 
 
-def test_time_grows_with_distance_at_the_rate_that_the_costate_tells():
+def test_time_grows_with_distance_at_the_rate_given_by_the_costate():
     times = [solved(name).time for name in HORIZONTALS]
     assert all(near < far for near, far in pairwise(times))
-    # dT/dD is the position costate -q1, by which a goal that lies further costs more.
+    # dT/dD is the position costate -q1, the marginal cost of a more distant goal.
     step = 1e-4
     slope = (pontryagin(goal(6.0 + step, 0.0)).time - pontryagin(goal(6.0 - step, 0.0)).time) / (2 * step)
     assert slope == pytest.approx(-solved("horizontal-6").q1[0], abs=1e-6)
 
 
-def test_flight_answers_as_a_blind_integration_of_its_controls():
+def test_the_flight_agrees_with_an_independent_integration_of_its_controls():
     flight = solved("diagonal").trajectory
     state = flight.state(0.0)
     for begin, end in pairwise(flight.breakpoints):
@@ -130,7 +130,7 @@ def test_flight_answers_as_a_blind_integration_of_its_controls():
     np.testing.assert_allclose(state, SCENARIOS["diagonal"].goal_state, atol=1e-8)
 
 
-def test_derivatives_of_the_flight_follow_one_another():
+def test_each_order_is_the_time_derivative_of_the_one_before():
     flight, step = solved("diagonal").trajectory, 1e-5
     time = (flight.breakpoints[:-1] + flight.breakpoints[1:]) / 2
     for order in range(3):
@@ -162,20 +162,20 @@ def test_the_fastest_winding_is_found():
 @pytest.mark.parametrize(
     ("field", "value"), [("hoops", (Hoop(2.5, 2.5, 0.5),)), ("floor", 0.0), ("ceiling", 9.0), ("floor", -1.0)]
 )
-def test_limits_on_the_way_are_refused_with_the_way_out(field, value):
+def test_hoops_and_heights_are_refused_with_advice(field, value):
     scenario = replace(SCENARIOS["diagonal"], **{field: value})
     with pytest.raises(ValueError, match=rf"Scenario\.{field} .*method=\"shooting\""):
         pontryagin(scenario)
 
 
 @pytest.mark.parametrize("winding", [0.5, math.nan, "one"])
-def test_parts_of_a_turn_are_refused(winding):
+def test_fractional_windings_are_refused(winding):
     with pytest.raises(ValueError, match="whole number of turns"):
         pontryagin(SCENARIOS["diagonal"], winding)
 
 
-def test_what_does_not_converge_has_no_time():
-    # Sixty turns last longer than any flight that the direct solution looks at.
+def test_an_unconverged_extremal_has_no_time():
+    # Sixty turns take longer than any flight that the direct solver considers.
     extremal = pontryagin(goal(0.5, 0.0), 60)
     assert not extremal.converged
     assert extremal.time == math.inf

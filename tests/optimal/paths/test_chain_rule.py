@@ -1,4 +1,4 @@
-"""Faa di Bruno: derivatives of compositions, held against composed polynomials, whose derivatives are exact."""
+"""Faa di Bruno's formula against composed polynomials, whose derivatives are exact."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_bell_polynomials_of_ones_count_partitions(n: int) -> None:
         assert bell(n, k, [1] * n) == stirling
 
 
-def test_symbols_are_treated_as_numbers_are() -> None:
+def test_symbols_agree_with_numbers() -> None:
     t = ca.SX.sym("t")
     inner, outer, rates = ca.sin(t), [ca.exp(ca.sin(t))] * 5, [ca.cos(t), -ca.sin(t), -ca.cos(t), ca.sin(t)]
     exact = ca.exp(inner)

@@ -1,4 +1,4 @@
-"""Corridors: every weighting of the outer paths leads from start to goal, through all hoops, within the band."""
+"""Corridors: every weighting of the outer paths leads from start to goal through all hoops, within the heights."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ S = np.linspace(0.0, 1.0, 401)
 
 
 def random_scenario(seed: int) -> Scenario:
-    """One to three hoops at any angle near the way, often with floor, ceiling or a body."""
+    """Return a scenario with one to three hoops at any angle, often with floor, ceiling or a vehicle radius."""
     random = np.random.default_rng(seed)
     goal = random.uniform(-8, 8, 2)
     count = int(random.integers(1, 4))
@@ -47,7 +47,7 @@ def positions(found: Corridor, s: Array, order: int = 0) -> Array:
 
 
 @pytest.mark.parametrize(("scenario", "count"), CASES)
-def test_outer_paths_keep_every_promise_whatever_the_weights(scenario: Scenario, count: int) -> None:
+def test_outer_paths_keep_all_constraints_for_any_weights(scenario: Scenario, count: int) -> None:
     found = corridor(scenario, count)
     outer = positions(found, S)
     low, high = scenario.floor, scenario.ceiling
@@ -75,13 +75,13 @@ def test_the_central_path_is_regular_and_leads_from_start_to_goal(scenario: Scen
 
 
 @pytest.mark.parametrize("count", [2, 4])
-def test_there_is_room_between_hoops(count: int) -> None:
+def test_corridors_are_wide_between_hoops(count: int) -> None:
     for scenario in SCENARIOS.values():
         middles = np.convolve(np.concatenate([[0.0], hoop_coordinates(scenario), [1.0]]), [0.5, 0.5], "valid")
         assert np.ptp(positions(corridor(scenario, count), middles), axis=1).max(axis=1).min() > 1.0
 
 
-def test_corridors_turn_over_with_their_scenario() -> None:
+def test_corridors_of_mirrored_scenarios_are_mirrored() -> None:
     task = SCENARIOS["slalom"]
     hoops = tuple(Hoop(-h.x, h.z, h.diameter, math.pi - h.angle) for h in task.hoops)
     mirrored = dataclasses.replace(task, goal=(-task.goal[0], task.goal[1]), hoops=hoops)
@@ -89,12 +89,12 @@ def test_corridors_turn_over_with_their_scenario() -> None:
     np.testing.assert_allclose(there[:, [1, 0, 3, 2]] * [-1, 1], here, atol=1e-9)
 
 
-def test_a_hoop_flown_twice_in_opposite_directions_is_turned_round_between() -> None:
+def test_the_same_hoop_can_be_passed_twice_in_opposite_directions() -> None:
     task = Scenario("back", (0, 0), (0, 1), hoops=(Hoop(3, 0, 1.0), Hoop(3, 0, 1.0, math.pi)))
     require_regular(corridor(task).central)
 
 
-def test_no_corridor_is_refused_with_the_reason() -> None:
+def test_an_impossible_corridor_is_refused_with_the_reason() -> None:
     task = Scenario("dive", (0, 0), (4, 0), hoops=(Hoop(2, 0, 1.0, -math.pi / 2),), floor=0.0)
     with pytest.raises(ValueError, match=r"no corridor for 'dive': hoops\[0\].*floor 0"):
         corridor(dataclasses.replace(task, quadrotor=Quadrotor(radius=0.1)))

@@ -1,4 +1,4 @@
-"""Paths: exact derivatives of any order, one curve in many forms, rest at the ends, no standing still inside."""
+"""Paths: exact derivatives of any order, equal curves in several forms, rest at the ends, regularity inside."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_derivatives_agree_with_finite_differences(path: Path, order: int) -> No
 
 
 @pytest.mark.parametrize("path", PATHS.values(), ids=PATHS.keys())
-def test_a_batch_of_any_shape_answers_as_its_elements(path: Path) -> None:
+def test_batched_values_equal_single_values(path: Path) -> None:
     s = np.linspace(0, 1, 6).reshape(2, 3)
     coordinates = path(0.3).shape[0]
     assert path(s, 2).shape == (2, 3, coordinates)
@@ -61,7 +61,7 @@ def test_a_bezier_curve_is_its_bernstein_polynomial_and_a_spline_without_inner_k
             np.testing.assert_allclose(other, first, atol=1e-11)
 
 
-def test_a_spline_stays_where_its_points_are_and_ends_at_the_outer_ones() -> None:
+def test_a_spline_stays_in_the_hull_of_its_points_and_interpolates_the_outer_ones() -> None:
     spline = BSplinePath((*POINTS, *POINTS, *POINTS), 5)
     low, high = np.min(POINTS, axis=0), np.max(POINTS, axis=0)
     assert ((spline(np.linspace(0, 1, 501)) >= low) & (spline(np.linspace(0, 1, 501)) <= high)).all()
@@ -117,12 +117,12 @@ def test_regular_curves_may_rest_at_their_ends(order: int) -> None:
         (BSplinePath(((0, 0), (1, 0), (1, 0), (1, 0), (1, 0), (2, 1)), 2), "0.25"),
     ],
 )
-def test_paths_that_stand_still_inside_are_refused_at_the_place(path: Path, fault: str) -> None:
+def test_paths_that_stand_still_inside_are_refused_naming_s(path: Path, fault: str) -> None:
     with pytest.raises(ValueError, match=f"degenerate.* s = {fault}"):
         require_regular(path)
 
 
-def test_paths_of_no_number_are_refused() -> None:
+def test_paths_that_are_not_finite_are_refused() -> None:
     class Lost:
         def __call__(self, s: ArrayLike, order: int = 0) -> Array:
             return np.full((*np.shape(s), 2), np.nan * order)

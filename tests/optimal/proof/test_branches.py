@@ -1,4 +1,4 @@
-"""Branches halved in any way leave no flight out, and a missing one is noticed."""
+"""Branches from any halvings cover all flights, and a missing branch is detected."""
 
 import math
 
@@ -25,14 +25,14 @@ def grown(generator, windows, halvings) -> list[Branch]:
 
 
 def belongs(branch: Branch, passing, tilts) -> bool:
-    """Return whether a flight with these passing times and tilts at SHARES is of a branch."""
+    """Return whether a flight with these passing times and tilts at SHARES belongs to a branch."""
     return all(low <= time <= high for time, (low, high) in zip(passing, branch.passing, strict=True)) and all(
         held.low <= tilts[SHARES.index(held.share)] <= held.high for held in branch.held
     )
 
 
 @pytest.mark.parametrize("hoops", [0, 1, 3])
-def test_halves_of_halves_leave_nothing_out_and_a_missing_one_is_noticed(hoops, generator):
+def test_repeated_halvings_cover_all_flights_and_a_missing_branch_is_detected(hoops, generator):
     for halvings in (0, 1, 2, 5, 12):
         windows = [tuple(sorted(generator.uniform(0, 1, 2).tolist())) for _ in range(hoops)]
         leaves = grown(generator, windows, halvings)
@@ -52,10 +52,10 @@ def test_every_flight_belongs_to_a_leaf(generator):
         assert any(belongs(leaf, passing, tilts) for leaf in leaves)
 
 
-def test_a_cover_of_no_regular_shape_is_judged_by_every_cell(generator):
-    # Boxes with corners on a lattice cover the whole exactly if the middle of each of its cells lies in one.
+def test_irregular_covers_agree_with_a_test_of_every_cell(generator):
+    # Boxes with corners on a lattice cover the whole if and only if each cell's midpoint lies in one of them.
     cells = np.stack(np.meshgrid(np.arange(3) + 0.5, np.arange(3) + 0.5), axis=-1).reshape(-1, 2)
-    verdicts = []
+    expectations = []
     for _ in range(400):
         branches = []
         for _ in range(int(generator.integers(1, 7))):
@@ -67,8 +67,8 @@ def test_a_cover_of_no_regular_shape_is_judged_by_every_cell(generator):
             for x, y in cells
         )
         assert covered(branches, [(0.0, 3.0)]) is expected
-        verdicts.append(expected)
-    assert 0.05 < np.mean(verdicts) < 0.95
+        expectations.append(expected)
+    assert 0.05 < np.mean(expectations) < 0.95
 
 
 def test_wider_branches_cover_and_narrower_ones_do_not():
@@ -80,15 +80,15 @@ def test_wider_branches_cover_and_narrower_ones_do_not():
     assert not covered([], windows)
     assert not covered([], [])
     assert covered([Branch(1)], [])
-    # A tilt held on both sides leaves the rest out.
+    # A tilt bounded on both sides does not cover the tilts outside.
     assert not covered([Branch(1, (), (TiltInterval(0.5, -9.0, 9.0),))], [])
 
 
-def test_tilts_are_halved_within_what_can_be_reached_and_stay_open_outwards():
+def test_tilts_are_halved_within_the_reachable_range_and_stay_unbounded_outwards():
     first, second = Branch(0).halve_tilt(0.5, (-1.0, 3.0))
     assert first.held == (TiltInterval(0.5, -math.inf, 1.0),)
     assert second.held == (TiltInterval(0.5, 1.0, math.inf),)
-    # Again, with what is already known; another instant stands beside it.
+    # A second halving intersects the first. Another instant is independent.
     assert [half.held for half in second.halve_tilt(0.5, (-1.0, 3.0))] == [
         (TiltInterval(0.5, 1.0, 2.0),),
         (TiltInterval(0.5, 2.0, math.inf),),

@@ -1,4 +1,4 @@
-"""Separating multipliers are found where there are any, from poor starts too, and none are claimed elsewhere."""
+"""Separating multipliers are found if they exist, also from poor starts, and are never claimed otherwise."""
 
 from functools import cache
 
@@ -18,7 +18,7 @@ NAMES = ("horizontal-6", "diagonal", "ground-6")
 
 @cache
 def problem(name: str, share: float) -> tuple[Dual, np.ndarray]:
-    """Return the dual of winding 0 at a share of the fastest time known, and the costates of that flight."""
+    """Return the dual of winding 0 at a share of the best known time, and the multipliers of that flight."""
     scenario = SCENARIOS[name]
     shot = solve_winding(scenario)
     kinks = kink_shares(scenario, shot)
@@ -49,7 +49,7 @@ def test_a_time_long_enough_is_never_separated(name, generator):
         assert separate(dual, perturbed(dual, costates, generator, spread)).value >= 0
 
 
-def test_what_is_found_is_the_dual_says_of_unit_multipliers_of_the_right_sign(generator):
+def test_the_result_is_the_dual_value_at_unit_multipliers_of_the_right_sign(generator):
     for share in (0.97, 1.01):
         dual, costates = problem("ground-6", share)
         for spread in (0.1, 1.0):
@@ -59,7 +59,7 @@ def test_what_is_found_is_the_dual_says_of_unit_multipliers_of_the_right_sign(ge
             assert (found.multipliers[dual.signed] >= 0).all()
 
 
-def test_more_steps_find_nothing_worse(generator):
+def test_more_evaluations_never_give_a_worse_value(generator):
     dual, costates = problem("horizontal-6", 1.005)
     start = perturbed(dual, costates, generator, 0.3)
     values = [separate(dual, start, steps).value for steps in (1, 2, 5, 10, 20)]
@@ -75,7 +75,7 @@ def test_the_length_of_the_start_does_not_matter(generator):
 
 
 class Polyhedron:
-    """The support function of the hull of points, as a dual."""
+    """The support function of the convex hull of points, as a dual."""
 
     def __init__(self, points, signed=()) -> None:
         self.points, self.size, self.signed = np.array(points), len(points[0]), np.array(signed, dtype=int)
@@ -85,7 +85,7 @@ class Polyhedron:
         return [Cut(float(best @ y), 0.0, best)]
 
 
-def test_a_plane_is_found_between_a_hull_and_the_origin_exactly_if_there_is_one(generator):
+def test_a_separating_plane_is_found_if_and_only_if_it_exists(generator):
     for size in (2, 4):
         for _ in range(20):
             points, start = generator.normal(size=(12, size)), generator.normal(size=size)
@@ -95,8 +95,8 @@ def test_a_plane_is_found_between_a_hull_and_the_origin_exactly_if_there_is_one(
             assert separate(Polyhedron(around), start).value >= 0
 
 
-def test_where_a_sign_is_given_only_half_of_all_planes_count(generator):
-    # The hull of these lies at y_0 = 1: a plane with y_0 < 0 parts it from the origin, none with y_0 >= 0 does.
+def test_signed_multipliers_restrict_the_planes(generator):
+    # The hull lies at y_0 = 1. A plane with y_0 < 0 separates it from the origin, and none with y_0 >= 0 does.
     points = np.column_stack([np.ones(6), *generator.normal(size=(2, 6))])
     points = np.vstack([points, points * [1, -1, -1]])
     start = np.array([0.5, 0.5, 0.5])

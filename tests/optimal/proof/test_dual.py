@@ -1,4 +1,4 @@
-"""F is what its formula says and convex, and no multipliers exclude a time at which a flight exists."""
+"""F agrees with its formula and is convex, and no multipliers exclude the time of an existing flight."""
 
 import math
 from dataclasses import replace
@@ -18,7 +18,7 @@ from optimal.proof.tilt_program import TiltProgram
 from optimal.proof.time_grid import TimeGrid, time_grid
 
 TURN = 100
-"""Angles of a turn: coarse ones, so that the tests are fast."""
+"""Angles of a turn, few for fast tests."""
 MISS = 1e-5
 """A flight on the coarse grid misses goal, hoops and heights by a few 1e-6 [m]."""
 LOW = Scenario("low", (0, 0), (6, 0.3), ceiling=0.33)
@@ -46,7 +46,7 @@ def flight(name: str, tolerant: bool = False):
 
 
 def replayed(flight: Trajectory) -> Trajectory:
-    """Return what is flown under a flight's controls: the solver's own states only nearly follow from one another."""
+    """Return the exact replay of the controls of a flight, whose own states are consistent to solver tolerance only."""
     states = [flight.states[0]]
     for control, length in zip(flight.controls, np.diff(flight.breakpoints), strict=True):
         states.append(flight.quadrotor.step(states[-1], control, length))
@@ -54,7 +54,7 @@ def replayed(flight: Trajectory) -> Trajectory:
 
 
 class Flown:
-    """A flight that hovers until it ends with the grid, and the dual of a branch to which it belongs."""
+    """A flight that hovers first, for the duration of the grid, and the dual of a branch to which it belongs."""
 
     def __init__(self, name: str, tolerant: bool = False, width: float = 0.0, held: float = math.inf) -> None:
         self.scenario, self.shot = FLOWN[name][0], flight(name, tolerant)
@@ -64,7 +64,7 @@ class Flown:
         self.times = self.hover + self.way.breakpoints[np.cumsum(self.shot.steps)[:-1]]
         shares = self.times / self.grid.time
         tilt = float(self.way.state(max(0.0, 0.4 * self.grid.time - self.hover))[4])
-        # What is said of the tilt at 0.4 T is said at the nearest instant: give it room for that.
+        # The bound of the tilt at 0.4 T is applied at the nearest instant, hence one angle wider.
         room = held + self.grid.angle
         self.branch = Branch(
             self.shot.winding,
@@ -77,7 +77,7 @@ class Flown:
         self.costates = multipliers(self.scenario, self.shot, self.kinks)
 
     def around(self, generator, spread: float) -> np.ndarray:
-        """Return multipliers around the costates, allowed in sign."""
+        """Return random multipliers around the costates, with admissible signs."""
         y = self.costates / np.linalg.norm(self.costates) + spread * generator.normal(size=self.dual.size)
         y[self.dual.signed] = np.abs(y[self.dual.signed])
         return y
@@ -88,14 +88,14 @@ def value(dual: Dual, y: np.ndarray) -> float:
 
 
 def anything(dual: Dual, generator) -> np.ndarray:
-    """Return random multipliers, allowed in sign."""
+    """Return random multipliers with admissible signs."""
     y = generator.normal(size=dual.size)
     y[dual.signed] = np.abs(y[dual.signed])
     return y
 
 
 def duals() -> dict[str, Dual]:
-    """Return duals with every kind of requirement."""
+    """Return duals with every kind of constraint."""
     grid, gates = TimeGrid(70, 60, 10.0), ((0.2, 0.4), (0.55, 0.6))
     return {
         "free": Dual(SCENARIOS["diagonal"], grid, Branch(0)),
@@ -106,11 +106,11 @@ def duals() -> dict[str, Dual]:
     }
 
 
-# What F is.
+# The definition of F.
 
 
 def weight_of(scenario, grid, times, kinks, y):
-    """Return q at the instants, by the definition: loop by loop, share by share."""
+    """Return q at the instants, directly from its definition."""
     heights = [sign for sign, height in ((1.0, scenario.floor), (-1.0, scenario.ceiling)) if height is not None]
     hoops = y[4 : 4 + 2 * len(scenario.hoops)].reshape(-1, 2)
     bends = y[4 + hoops.size : -2].reshape(len(heights), len(kinks))
@@ -128,7 +128,7 @@ def weight_of(scenario, grid, times, kinks, y):
 
 
 def support(scenario, grid, kinks, tolerance, weight, y):
-    """Return R(q), by the formula."""
+    """Return R(q), directly from its formula."""
     heights = [(s, h) for s, h in ((1.0, scenario.floor), (-1.0, scenario.ceiling)) if h is not None]
     hoops = y[4 : 4 + 2 * len(scenario.hoops)].reshape(-1, 2) / grid.time
     bends = y[4 + hoops.size : -2].reshape(len(heights), len(kinks)) / grid.time
@@ -146,7 +146,7 @@ def support(scenario, grid, kinks, tolerance, weight, y):
 
 
 @pytest.mark.parametrize("tolerance", [None, Tolerance(0.3, 0.4, 0.5)])
-def test_it_is_the_greatest_integral_less_the_support_function(tolerance, generator):
+def test_f_is_the_greatest_integral_minus_the_support_function(tolerance, generator):
     kinks, held = (0.2, 0.5, 0.77), (TiltInterval(0.4, -1.0, 2.0),)
     for scenario, times in ((GATES, (0.3, 0.5)), (replace(GATES, hoops=()), ()), (replace(LOW, floor=-0.1), ())):
         grid, vehicle = TimeGrid(90, 60, 10.0), scenario.quadrotor
@@ -163,7 +163,7 @@ def test_it_is_the_greatest_integral_less_the_support_function(tolerance, genera
 
 
 @pytest.mark.parametrize("kind", duals())
-def test_it_is_convex_and_grows_with_its_multipliers_and_its_slopes_support_it(kind, generator):
+def test_f_is_convex_and_homogeneous_and_its_slopes_are_subgradients(kind, generator):
     dual = duals()[kind]
     points = [anything(dual, generator) for _ in range(6)]
     cuts = [dual(y) for y in points]
@@ -204,7 +204,7 @@ def test_the_mirrored_task_has_the_mirrored_multipliers(generator):
             assert image.value == pytest.approx(cut.value, abs=1e-11)
 
 
-def test_where_the_task_lies_does_not_matter(generator):
+def test_f_is_invariant_under_translation(generator):
     grid, kinks, branch = TimeGrid(80, 60, 10.0), (0.3, 0.6), Branch(0, ((0.2, 0.3), (0.6, 0.6)))
     there = replace(GATES, start=(100.0, -49.0), goal=(106.0, -48.0), floor=-50.0, ceiling=-47.0,
                     hoops=tuple(replace(hoop, x=hoop.x + 100, z=hoop.z - 50) for hoop in GATES.hoops))  # fmt: skip
@@ -214,7 +214,7 @@ def test_where_the_task_lies_does_not_matter(generator):
         assert value(away, y) == pytest.approx(value(here, y), abs=1e-10)
 
 
-def test_the_more_is_allowed_the_less_is_excluded(generator):
+def test_relaxed_tasks_have_larger_values(generator):
     grid, kinks, branch = TimeGrid(80, 60, 10.0), (0.3, 0.6), Branch(0, ((0.25, 0.25), (0.6, 0.6)))
     wide = tuple(replace(hoop, diameter=hoop.diameter + 0.1) for hoop in GATES.hoops)
     strict = Dual(GATES, grid, branch, Tolerance(), kinks)
@@ -235,7 +235,7 @@ def test_the_more_is_allowed_the_less_is_excluded(generator):
 
 
 def exact(scenario, grid, times, kinks, tolerance, winding, y):
-    """Return F in extended precision, with the programme written once more, over all angles at once."""
+    """Return F in extended precision, by an independent implementation of the dynamic programme."""
     wide = np.longdouble
     pi, y = wide(4) * np.arctan(wide(1)), y.astype(wide)
     d = 2 * pi / grid.turn
@@ -273,7 +273,7 @@ def exact(scenario, grid, times, kinks, tolerance, winding, y):
     return value - support(scenario, exact_grid, kinks, tolerance, q, y)
 
 
-def test_rounding_covers_what_floating_point_arithmetic_loses(generator):
+def test_the_rounding_bound_covers_the_floating_point_error(generator):
     below = []
     far = replace(SCENARIOS["diagonal"], goal=(1e6 / 3, 1e5 / 7))  # where the sums of R lose most
     for scenario, times, tolerance in (
@@ -296,7 +296,7 @@ def test_rounding_covers_what_floating_point_arithmetic_loses(generator):
 
 
 def identity(flown: Flown, y: np.ndarray) -> tuple[float, float]:
-    """Return the integral of q . a over a flight, by quadrature, and what parts integrated twice make of it."""
+    """Return the integral of q . a over a flight by quadrature, and the same by two integrations by parts."""
     grid, way = flown.grid, flown.way
     shares = flown.times / grid.time
     hoops = y[4 : 4 + 2 * len(shares)].reshape(-1, 2)
@@ -329,7 +329,7 @@ CASES = [(name, False) for name in FLOWN] + [("horizontal-6", True), ("climb", T
 
 
 @pytest.mark.parametrize(("name", "tolerant"), CASES)
-def test_every_flight_keeps_the_identity_and_lies_between_both_sides(name, tolerant, generator):
+def test_every_flight_satisfies_the_identity_and_both_bounds(name, tolerant, generator):
     flown = Flown(name, tolerant, width=0.02)
     scenario, grid = flown.scenario, flown.grid
     for spread in (0.0, 0.1, 1.0):
@@ -350,7 +350,7 @@ def test_no_multipliers_exclude_the_time_of_a_flight(name, tolerant, generator):
         tries = [flown.around(generator, spread) for spread in (0.0, 0.01, 0.1, 1.0, 10.0) for _ in range(4)]
         assert min(value(flown.dual, y) for y in tries) > 0
         assert separate(flown.dual, flown.costates, max_evaluations=15).value > 0
-        # And that says something: the costates come close.
+        # The test is not vacuous: the costates come close to zero.
         if not width:
             assert value(flown.dual, flown.costates / np.linalg.norm(flown.costates)) < 0.05
 
@@ -366,7 +366,7 @@ def test_a_flight_that_belongs_to_no_branch_may_be_excluded():
 # Passing times.
 
 
-def test_one_q_serves_for_every_passing_time_of_an_interval(generator):
+def test_the_interval_value_bounds_every_passing_time(generator):
     grid = TimeGrid(80, 60, 10.0)
     scenario = Scenario("gate", (0, 0), (3, 1), (Hoop(1.5, 0.5, 0.6),))
     for first, last in ((20, 24), (30, 50), (0, 80)):
@@ -377,10 +377,9 @@ def test_one_q_serves_for_every_passing_time_of_an_interval(generator):
                 assert value(Dual(scenario, grid, Branch(0, ((at / 80, at / 80),))), y) <= value(whole, y) + 1e-12
 
 
-def test_the_ends_of_a_passing_interval_alone_would_promise_too_much():
-    # The best flight pulls back at the gate and for as long again as it pulls forth after it, so that both ends of
-    # the interval are alike, and all that thrust can do against the kink is lost between them; downwards, gravity adds
-    # to thrust.
+def test_the_ends_of_a_passing_interval_alone_are_not_a_bound():
+    # The weights make F nearly equal at both ends of the interval. The loss between them is all that thrust can do
+    # against the kink. Downwards, gravity adds to thrust.
     grid, scenario, vehicle = TimeGrid(80, 60, 10.0), SCENARIOS["hoop"], Quadrotor()
     along, down = [-2.904, 0.0, 4.0, 0.0, 0.2, 0.0, 0.5, 0.5], [0.0, -2.52, 0.0, 4.0, 0.0, 0.2, 0.5, 0.5]
     up = [0.0, 2.52, 0.0, -4.0, 0.0, -0.2, 0.5, 0.5]
@@ -405,7 +404,7 @@ def test_passing_intervals_are_relaxed_scenario_to_instants(generator):
     assert len(Dual(GATES, grid, Branch(0, ((0.2, 0.3), (0.4, 0.5))), None, (0.5,))(np.ones(12))) == 4
 
 
-def test_hoops_passed_in_another_order_leave_nothing_to_exclude():
+def test_a_branch_with_hoops_in_the_wrong_order_is_empty():
     grid = TimeGrid(120, 60, 10.0)
     assert Dual(GATES, grid, Branch(0, ((0.2, 0.3), (0.3, 0.5)))).possible
     assert Dual(GATES, grid, Branch(0, ((0.2, 0.5), (0.1, 0.3)))).possible

@@ -1,4 +1,4 @@
-"""A proof that proves nothing is found out: `Proof.check` trusts neither branches, nor grid, nor verdict."""
+"""Forged proofs are rejected: `Proof.check` trusts neither branches, nor grid, nor verdict."""
 
 import math
 import time
@@ -20,16 +20,16 @@ from optimal.proof.time_grid import TimeGrid, time_grid
 
 
 def forged(scenario, branch, duration, flown, vehicle=None):
-    """Return a proof that flies only what a branch, or another vehicle, allows, but claims to be for all."""
+    """Return a proof for one branch, or for another vehicle, that claims to be for all flights."""
     flies = scenario if vehicle is None else replace(scenario, quadrotor=vehicle)
     start, grid = multipliers(flies, search(flies).shots[0], ()), time_grid(duration, flies.quadrotor.rate_max)
     roots = [ExcludedBranch(replace(branch, winding=winding), start) for winding in range(-3, 4)]
-    exclusion = BranchAndBound(flies, None, (), roots, time.monotonic() + 20)
-    assert exclusion.exclude(grid)
-    return Proof(scenario, None, grid.time, flown, Verdict.CLOSED, grid=grid, excluded=tuple(exclusion.branches))
+    search_tree = BranchAndBound(flies, None, (), roots, time.monotonic() + 20)
+    assert search_tree.exclude(grid)
+    return Proof(scenario, None, grid.time, flown, Verdict.CLOSED, grid=grid, excluded=tuple(search_tree.branches))
 
 
-def test_a_branch_beside_the_window_covers_nothing():
+def test_a_branch_outside_the_window_covers_nothing():
     assert not covered([Branch(0, ((0.0, 0.1),))], [(0.3, 0.6)])
     assert not forged(SCENARIOS["hoop"], Branch(0, ((0.02, 0.03),)), 1.5, 1.6).check()
 
@@ -44,11 +44,11 @@ def test_windows_of_a_shorter_flight_prove_nothing():
     assert not replace(found, flown=found.time * 0.99).check()
 
 
-def test_that_no_flight_exists_is_checked_too():
+def test_the_verdict_impossible_is_checked():
     assert not Proof(SCENARIOS["hoop"], None, math.inf, math.inf, Verdict.IMPOSSIBLE).check()
 
 
-def test_short_multipliers_say_the_same():
+def test_tiny_multipliers_give_the_same_result():
     dual = Dual(SCENARIOS["hoop"], TimeGrid(90, 60, 10.0), Branch(0, ((0.45, 0.55),)))
     y = np.random.default_rng(7).normal(size=dual.size)
     y[-2:] = abs(y[-2:])
@@ -56,11 +56,11 @@ def test_short_multipliers_say_the_same():
         assert tiny.value / 1e-170 == pytest.approx(cut.value, rel=1e-9)
 
 
-def test_steps_are_counted_for_the_contact_an_environment_allows():
+def test_the_relaxed_floor_includes_the_contact_slack():
     assert relaxed_scenario(SCENARIOS["ground-6"]).floor <= -CONTACT_SLACK
 
 
-def test_a_time_just_short_of_a_step_does_not_count_as_that_step():
+def test_a_time_just_short_of_a_step_does_not_exclude_that_step():
     scenario = SCENARIOS["horizontal-6"]
     for steps in range(1, 200):
         whole = steps * scenario.dt

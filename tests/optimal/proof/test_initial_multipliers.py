@@ -1,4 +1,4 @@
-"""A flight's costates, read as multipliers, prove at once that hardly any flight like it is faster."""
+"""The costates of a flight, as multipliers, prove its near-optimality within its branch in one evaluation."""
 
 from dataclasses import replace
 from functools import cache
@@ -40,20 +40,20 @@ def proves(name: str, gap: float, width: float = 0.0) -> bool:
 
 
 @pytest.mark.parametrize("name", ["horizontal-6", "diagonal", "ground-6", "low"])
-def test_costates_prove_their_own_winding_at_once(name):
+def test_costates_prove_their_own_winding_in_one_evaluation(name):
     assert proves(name, 5e-4)
     assert not proves(name, -5e-4)
 
 
 @pytest.mark.parametrize("name", ["hoop", "high-hoop"])
-def test_costates_prove_it_through_a_hoop_for_passing_times_about_theirs(name):
+def test_costates_prove_it_through_a_hoop_for_passing_times_near_their_own(name):
     assert proves(name, 1e-2, 0.01)
     assert proves(name, 2e-3, 0.001)
     assert not proves(name, -1e-3, 0.01)
 
 
 @pytest.mark.parametrize("name", FLOWN)
-def test_the_weight_is_the_costate_of_velocity_all_along(name):
+def test_the_weight_is_the_costate_of_velocity_throughout(name):
     (scenario, _), flown = FLOWN[name], shot(name)
     kinks = kink_shares(scenario, flown)
     y = multipliers(scenario, flown, kinks)
@@ -65,13 +65,13 @@ def test_the_weight_is_the_costate_of_velocity_all_along(name):
     sign = -1 if scenario.floor is None else 1
     for at, strength in zip(kinks, y[4 + 2 * len(hoops) : -2], strict=True):
         weight[:, 1] += sign * strength * np.maximum(share - at, 0)
-    # Floor and ceiling push control points of an arc's cubic, a third of a step off its ends.
+    # Floor and ceiling act on control points of an arc's cubic, a third of a step away from its ends.
     near = 1e-2 if kinks else 1e-6
     np.testing.assert_allclose(weight, flown.costates[:, 2:4], atol=near * np.abs(flown.costates[:, 2:4]).max())
 
 
 @pytest.mark.parametrize("name", FLOWN)
-def test_signs_are_as_the_dual_asks(name):
+def test_signs_are_those_required_by_the_dual(name):
     (scenario, winding), flown = FLOWN[name], shot(name)
     kinks = kink_shares(scenario, flown)
     y = multipliers(scenario, flown, kinks)
@@ -81,12 +81,12 @@ def test_signs_are_as_the_dual_asks(name):
     assert (y[-2:] > 0).all()
 
 
-def test_touches_are_where_the_flight_touches():
+def test_active_heights_are_where_the_flight_touches_them():
     for name, height in (("ground-6", 0.0), ("low", 0.05)):
         flown = shot(name)
-        touched = active_heights(flown) != 0
-        assert touched.any()
-        np.testing.assert_allclose(flown.trajectory.states[1:][touched, 1], height, atol=1e-4)
+        active = active_heights(flown) != 0
+        assert active.any()
+        np.testing.assert_allclose(flown.trajectory.states[1:][active, 1], height, atol=1e-4)
         shares = kink_shares(FLOWN[name][0], flown)
         assert {*KINKS} < {*shares}
         assert list(shares) == sorted(shares)
@@ -96,11 +96,11 @@ def test_touches_are_where_the_flight_touches():
         assert kink_shares(FLOWN[name][0], shot(name)) == ()
 
 
-def test_touches_away_from_all_kinks_go_to_the_nearest_and_none_is_lost():
+def test_jumps_are_assigned_to_the_nearest_kink_and_none_is_lost():
     (scenario, _), flown = FLOWN["ground-6"], shot("ground-6")
     fine, coarse = (multipliers(scenario, flown, kinks) for kinks in (kink_shares(scenario, flown), KINKS))
     assert coarse[4:-2].sum() == pytest.approx(fine[4:-2].sum(), rel=1e-12)
-    # A ceiling that is not touched has kinks, but none is used.
+    # An inactive ceiling has kinks of zero strength.
     roof = replace(scenario, ceiling=50.0)
     both = multipliers(roof, flown, KINKS)
     assert both.shape == (len(coarse) + len(KINKS),)

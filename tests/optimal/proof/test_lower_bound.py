@@ -1,4 +1,4 @@
-"""A proof is close, never above a flight, holds when computed again, and falls when anything of it is taken away."""
+"""A proof is close to the optimum, never above a flight, verifiable, and invalid if any part is removed."""
 
 import math
 from dataclasses import replace
@@ -30,7 +30,7 @@ PRINTED = {
     "ground-6": 1.227,
     "diagonal": 1.289,
 }
-"""Times of the paper's table that no flight can have [s]."""
+"""Times of the paper's table that are impossible [s]."""
 VEHICLES = (Quadrotor(), Quadrotor(thrust_min=0.5, thrust_max=30, rate_max=5), Quadrotor(3, 14, 20))
 
 
@@ -45,7 +45,7 @@ def proof(name: str) -> Proof:
 
 
 @pytest.mark.parametrize("name", CLOSED)
-def test_named_scenarios_are_proven_to_a_thousandth_and_the_proof_holds_when_computed_again(name):
+def test_named_scenarios_are_proven_to_a_thousandth_and_the_proof_is_verified(name):
     found = proof(name)
     assert found.verdict is Verdict.CLOSED
     assert found.reason == ""
@@ -58,31 +58,31 @@ def test_named_scenarios_are_proven_to_a_thousandth_and_the_proof_holds_when_com
 
 
 @pytest.mark.parametrize("name", PRINTED)
-def test_the_paper_printed_times_that_are_impossible(name):
+def test_impossible_printed_times_are_below_the_bound(name):
     assert PRINTED[name] < proof(name).time
 
 
-def test_the_front_door_says_the_same():
+def test_the_public_functions_agree():
     assert lower_bound("horizontal-6") == proof("horizontal-6").time
     again = prove("horizontal-6")
     assert replace(again, wall_time=0.0, excluded=()) == replace(proof("horizontal-6"), wall_time=0.0, excluded=())
 
 
-# What a proof hangs on.
+# Every part of a proof is needed.
 
 
 @pytest.mark.parametrize("name", ["horizontal-6", "climb", "high-hoop", "ground-6"])
-def test_without_any_one_of_its_branches_a_proof_falls(name):
+def test_a_proof_without_one_of_its_branches_is_invalid(name):
     found = proof(name)
     for i in range(len(found.excluded)):
-        # More turns than there is time for were looked at, in case: those alone may be missing.
+        # Windings that take longer than the duration may be missing.
         spare = abs(found.excluded[i].branch.winding) * 2 * math.pi > found.scenario.quadrotor.rate_max * found.time
         assert replace(found, excluded=found.excluded[:i] + found.excluded[i + 1 :]).check() is False or spare
     assert not replace(found, excluded=()).check()
 
 
 @pytest.mark.parametrize("name", ["horizontal-6", "climb", "high-hoop", "ground-6"])
-def test_with_other_multipliers_a_proof_falls(name, generator):
+def test_a_proof_with_other_multipliers_is_invalid(name, generator):
     found = proof(name)
     for i, (branch, y) in enumerate(found.excluded):
         if abs(branch.winding) * 2 * math.pi > found.scenario.quadrotor.rate_max * found.time:
@@ -95,7 +95,7 @@ def test_with_other_multipliers_a_proof_falls(name, generator):
             assert not replace(found, excluded=excluded).check()
 
 
-def test_a_greater_time_or_an_easier_task_has_another_proof():
+def test_a_proof_is_invalid_for_a_greater_time_or_an_easier_task():
     found = proof("hoop")
     assert replace(found, time=found.time * 0.9).check()
     assert not replace(found, time=np.nextafter(found.time, 2.0)).check()
@@ -108,7 +108,7 @@ def test_a_greater_time_or_an_easier_task_has_another_proof():
     ):
         assert not replace(found, scenario=easier).check()
     assert not replace(found, tolerance=Tolerance()).check()
-    # Branches by narrower intervals than a flight has for its hoop leave some out.
+    # Branches with narrower passing intervals than the window do not cover all flights.
     narrow = tuple(
         ExcludedBranch(replace(branch, passing=((0.5, 0.6),)), y)
         for branch, y in found.excluded
@@ -117,7 +117,7 @@ def test_a_greater_time_or_an_easier_task_has_another_proof():
     assert not replace(found, excluded=narrow).check()
 
 
-def test_multipliers_that_serve_one_end_of_a_passing_interval_alone_prove_nothing(generator):
+def test_multipliers_for_one_end_of_a_passing_interval_prove_nothing(generator):
     found, tried = proof("hoop"), 0
     for i, (branch, y) in enumerate(found.excluded):
         dual = Dual(found.scenario, found.grid, branch)
@@ -128,7 +128,7 @@ def test_multipliers_that_serve_one_end_of_a_passing_interval_alone_prove_nothin
         def values(share, dual=dual, y=y, way=way):
             return [cut.value for cut in dual(y + share * way)]
 
-        # Where the greater of the two has just become positive, the other is still negative.
+        # Where the greater value has just become positive, the other is still negative.
         share = brentq(lambda s, values=values: max(values(s)) - 1e-6, 0.0, 10.0)
         if min(values(share)) < -1e-6:
             tried += 1
@@ -137,7 +137,7 @@ def test_multipliers_that_serve_one_end_of_a_passing_interval_alone_prove_nothin
     assert tried > 0
 
 
-def test_held_tilts_and_passing_times_are_part_of_the_proof():
+def test_held_tilts_and_passing_intervals_are_part_of_the_proof():
     for name in ("climb", "high-hoop"):
         found = proof(name)
         for i, (branch, y) in enumerate(found.excluded):
@@ -164,7 +164,7 @@ def test_no_flight_found_from_any_start_is_faster_than_the_bound(vehicle):
         shots = sorted((s for s in (found, *others) if s.converged), key=lambda shot: shot.trajectory.duration)
         known = shots[0].trajectory.duration
         assert projection_bound(goal) <= near.time < known <= 1.01 * near.time
-        # A slow flight is a poor start, and leaves room to prove too much.
+        # A slow flight is a poor start with a large range of unproven times.
         poor = prove_near(goal, shots[-1], max_gap=0.01, time_budget=0.1)
         assert projection_bound(goal) <= poor.time < known
 
@@ -188,12 +188,12 @@ def test_the_mirrored_task_has_the_same_bound(name):
     assert lower_bound(mirrored(SCENARIOS[name])) == pytest.approx(proof(name).time, rel=1e-3)
 
 
-def test_a_longer_way_has_a_larger_bound():
+def test_a_longer_displacement_has_a_larger_bound():
     bounds = [proof(f"horizontal-{way}").time for way in (3, 6, 9, 12, 15)]
     assert (np.diff(bounds) > 0.1).all()
 
 
-def test_heights_and_hoops_only_raise_it():
+def test_heights_and_hoops_raise_the_bound():
     for free, bound in (("horizontal-6", "ground-6"), ("diagonal", "hoop"), ("hoop", "high-hoop")):
         assert proof(free).time < proof(bound).flown
         assert proof(bound).time > proof(free).time * (1 - 1e-3)
@@ -201,7 +201,7 @@ def test_heights_and_hoops_only_raise_it():
 
 
 def test_within_a_tolerance_flights_may_be_faster():
-    # What a tolerance saves is part of the gap: it is counted from the flight from rest to rest.
+    # The gap is relative to the flight from rest to rest, so it includes what the tolerance saves.
     found = prove("horizontal-6", tolerance=Tolerance(), max_gap=0.03)
     tolerant = solve_winding(SCENARIOS["horizontal-6"], tolerant=True).trajectory.duration
     assert found.verdict is Verdict.CLOSED
@@ -219,24 +219,24 @@ def test_a_hoop_that_brings_the_flight_back_to_its_start_is_bounded_too():
     assert found.check()
 
 
-# What is not proven.
+# Limits of a proof.
 
 
-def test_where_thrust_alone_proves_more_it_is_what_counts():
+def test_the_projection_bound_is_used_if_it_is_larger():
     found = prove_near(SCENARIOS["diagonal"], fastest("diagonal"), max_gap=0.5)
     assert found.time == projection_bound(SCENARIOS["diagonal"]) > found.flown / 1.5
     assert found.verdict is Verdict.CLOSED
     assert found.check()
 
 
-def test_a_budget_that_is_spent_leaves_what_was_proven_by_then():
+def test_a_spent_budget_keeps_what_was_proven():
     nothing = prove_near(SCENARIOS["hoop"], fastest("hoop"), time_budget=1e-9)
     assert nothing.verdict is Verdict.BUDGET_SPENT
     assert nothing.time == projection_bound(SCENARIOS["hoop"])
     assert nothing.grid is None
     assert nothing.check()
     assert not replace(nothing, time=nothing.time * 1.001).check()
-    assert proof("climb").grid is not None  # and all is compiled, which is not to be paid from the budget
+    assert proof("climb").grid is not None  # kernels are compiled, outside the budget
     little = prove_near(SCENARIOS["climb"], fastest("climb"), max_gap=1e-6, time_budget=0.3)
     assert little.verdict is Verdict.BUDGET_SPENT
     assert little.gap > 1e-6
@@ -244,7 +244,7 @@ def test_a_budget_that_is_spent_leaves_what_was_proven_by_then():
     assert little.check()
 
 
-def test_what_cannot_be_flown_takes_forever():
+def test_an_impossible_scenario_has_an_infinite_bound():
     flat = replace(SCENARIOS["ground-6"], hoops=(Hoop(3.0, 0.0, 1.0, -math.pi / 2),))
     found = prove(flat)
     assert found.time == found.flown == found.gap == lower_bound(flat) == math.inf
@@ -253,7 +253,7 @@ def test_what_cannot_be_flown_takes_forever():
     assert found.check()
 
 
-def test_where_no_flight_is_known_thrust_alone_bounds():
+def test_the_projection_bound_is_used_if_no_flight_is_known():
     far = replace(SCENARIOS["diagonal"], goal=(4000.0, 0.0), time_limit=1000.0)
     found = prove(far)
     assert found.verdict is Verdict.NO_FLIGHT
@@ -282,7 +282,7 @@ def test_unknown_scenarios_are_named():
 # Environment steps.
 
 
-def test_fewer_steps_than_the_fewest_are_impossible():
+def test_fewer_steps_than_the_fewest_are_excluded():
     found = prove_steps(SCENARIOS["horizontal-6"], fastest("horizontal-6"), 61)
     assert found.verdict is Verdict.CLOSED
     assert least_steps(found) == 61
@@ -290,16 +290,16 @@ def test_fewer_steps_than_the_fewest_are_impossible():
     assert found.check()
 
 
-def test_a_step_that_can_be_spared_is_never_proven_needed():
+def test_an_unneeded_step_is_never_proven_needed():
     found = prove_steps(SCENARIOS["horizontal-6"], fastest("horizontal-6"), 62)
-    assert found.verdict is Verdict.ONE_STEP_SHORT  # a flight of 61 steps' time stands in the way
+    assert found.verdict is Verdict.ONE_STEP_SHORT  # a flight of the duration of 61 steps exists
     assert least_steps(found) <= 61
     tolerant = solve_winding(SCENARIOS["horizontal-6"], tolerant=True).trajectory.duration
     assert tolerant / 1.002 < found.time < tolerant
     assert found.check()
 
 
-def test_steps_are_counted_for_what_an_environment_may_round():
+def test_the_relaxed_scenario_includes_the_rounding_of_an_environment():
     target = SCENARIOS["high-hoop"]
     wide = relaxed_scenario(target)
     assert wide.hoops[0].diameter > target.hoops[0].diameter
@@ -310,7 +310,7 @@ def test_steps_are_counted_for_what_an_environment_may_round():
     assert (wide.start, wide.goal, wide.floor) == (target.start, target.goal, None)
 
 
-def test_steps_are_counted_upwards_from_the_proven_time():
+def test_least_steps_follow_from_the_proven_time():
     found = replace(proof("horizontal-6"), time=1.2)
     assert least_steps(replace(found, time=np.nextafter(1.2, 0))) == 60
     assert least_steps(replace(found, time=1.2000001)) == 61

@@ -1,4 +1,4 @@
-"""No tilt ever beats the dynamic programme, the programme gives little away, and each of its roundings is needed."""
+"""The dynamic programme bounds every tilt, the bound is tight, and each of its correction terms is needed."""
 
 import math
 from dataclasses import dataclass
@@ -75,8 +75,8 @@ def random_tilt(generator, grid: TimeGrid, end: float) -> Tilt:
     return Tilt(time, np.append(0.0, np.cumsum(rates * widths)))
 
 
-def eager_tilt(grid: TimeGrid, weight: np.ndarray, end: float, share: float = 0.5) -> Tilt:
-    """Return the tilt that follows q as its rate and its end allow, and makes its whole turns from a share of T on."""
+def greedy_tilt(grid: TimeGrid, weight: np.ndarray, end: float, share: float = 0.5) -> Tilt:
+    """Return the tilt that follows q within its rate and end, and makes its whole turns from a share of T on."""
     time = grid.dt * np.linspace(0, grid.steps, 4 * grid.steps + 1)
     q = np.stack([np.interp(time, time[::4], weight[:, i]) for i in (0, 1)])
     wanted = np.unwrap(np.arctan2(*q))
@@ -92,7 +92,7 @@ def eager_tilt(grid: TimeGrid, weight: np.ndarray, end: float, share: float = 0.
 def slow_sum(
     vehicle: Any, weight: Any, sin: Any, cos: Any, dt: Any, first: Any, last: Any, low: Any, high: Any, target: int
 ) -> tuple[Any, list[int]]:
-    """Return M_j and its sequence by the definition, in whatever arithmetic the numbers come; sin and cos by index."""
+    """Return M_j and its sequence from the definition, in the arithmetic of its arguments; sin and cos by index."""
     strongest, weakest, gravity = vehicle
     rows: list[dict[int, Any]] = []
     for k in reversed(range(len(weight))):
@@ -115,7 +115,7 @@ def slow_sum(
 
 
 def reach(grid: TimeGrid, winding: int, slack: float = 0.0) -> tuple[list[int], list[int]]:
-    """Return the least and greatest multiples of d that any flight can come near to, by its rate alone."""
+    """Return the least and greatest multiples of d reachable by the rate limit alone."""
     far, target = math.ceil(slack / grid.angle), winding * grid.turn
     low = [max(-(k + 1), target - far - (grid.steps - k)) for k in range(grid.steps)]
     high = [min(k + 1, target + far + (grid.steps - k)) for k in range(grid.steps)]
@@ -136,23 +136,23 @@ def slow(vehicle, grid, weight, first, last, winding=0, slack=0.0):
 
 
 def tuned(program: TiltProgram, weight: np.ndarray) -> tuple[float, float]:
-    """Return the penalties with which a programme bounds best."""
+    """Return the penalties that minimise the bound of a programme."""
     options = {"xatol": 1e-4, "fatol": 1e-8}
     found = minimize(lambda x: bound(program(weight, *np.exp(x))), [0.0, 0.0], method="Nelder-Mead", options=options)
     return tuple(np.exp(found.x).tolist())
 
 
 def smooth(grid: TimeGrid) -> np.ndarray:
-    """Return a weight of which a flight to the right would be fastest, stronger at its end."""
+    """Return a linear weight for which a flight to the right is fastest, larger at its end."""
     share = np.linspace(0.0, 1.0, grid.steps + 1)[:, None]
     return np.array([1.0, 0.6]) + share * np.array([-2.4, 0.5])
 
 
 def best(vehicle: Quadrotor, grid: TimeGrid, weight: np.ndarray, winding: int, slack: float = 0.0) -> float:
-    """Return the greatest integral of the eager tilts."""
+    """Return the greatest integral over the tilts that follow q."""
     shares = np.linspace(0.12, 0.16, 17) if winding else (0.5,)
     ends = 2 * np.pi * winding + slack * np.array([-1.0, 0.0, 1.0])
-    return max(integral(vehicle, grid, weight, eager_tilt(grid, weight, e, share)) for e in ends for share in shares)
+    return max(integral(vehicle, grid, weight, greedy_tilt(grid, weight, e, share)) for e in ends for share in shares)
 
 
 # Soundness.
@@ -160,39 +160,39 @@ def best(vehicle: Quadrotor, grid: TimeGrid, weight: np.ndarray, winding: int, s
 
 @pytest.mark.parametrize("vehicle", VEHICLES, ids=["default", "slow", "agile"])
 @pytest.mark.parametrize("winding", [0, 1, -2])
-def test_no_tilt_within_its_limits_beats_the_bound(vehicle, winding, generator):
+def test_no_admissible_tilt_exceeds_the_bound(vehicle, winding, generator):
     for slack in (0.0, 0.1, 0.7):
         grid = time_grid(generator.uniform(1.1, 1.5) * 4 * np.pi / vehicle.rate_max, vehicle.rate_max, turn=40)
         program, weight = TiltProgram(vehicle, grid, winding, slack), random_weight(generator, grid)
         ends = 2 * np.pi * winding + slack * np.array([-1.0, 0.0, generator.uniform(-1, 1), 1.0])
         tilts = [random_tilt(generator, grid, end) for end in ends for _ in range(3)]
-        tilts += [eager_tilt(grid, weight, end, share) for end in ends for share in (0.1, 0.5, 0.9)]
+        tilts += [greedy_tilt(grid, weight, end, share) for end in ends for share in (0.1, 0.5, 0.9)]
         flown = max(integral(vehicle, grid, weight, tilt) for tilt in tilts)
         for penalties in ((0.0, 0.0), (0.2, 3.0), (3.0, 0.2), tuned(program, weight)):
             assert flown <= bound(program(weight, *penalties))
 
 
 @pytest.mark.parametrize("vehicle", VEHICLES, ids=["default", "slow", "agile"])
-def test_no_tilt_that_is_held_at_an_instant_beats_the_bound_of_its_branch(vehicle, generator):
+def test_no_held_tilt_exceeds_the_bound_of_its_branch(vehicle, generator):
     grid = TimeGrid(57, 40, vehicle.rate_max)
     weight = random_weight(generator, grid)
     for share in (0.25, 0.5, 0.8):
         instant = round(share * grid.steps) * grid.dt
         for winding in (0, 1):
             tilts = [random_tilt(generator, grid, 2 * np.pi * winding) for _ in range(6)]
-            tilts.append(eager_tilt(grid, weight, 2 * np.pi * winding))
+            tilts.append(greedy_tilt(grid, weight, 2 * np.pi * winding))
             for tilt in tilts:
                 angle, flown = float(tilt(instant)), integral(vehicle, grid, weight, tilt)
-                # Held to a point, to an edge either way, and to what leaves it open.
+                # Held to a point, from one side, from the other side, and within an interval.
                 for low, high in ((angle, angle), (angle, math.inf), (-math.inf, angle), (angle - 0.1, angle + 0.01)):
                     program = TiltProgram(vehicle, grid, winding, 0.0, [TiltInterval(share, low, high)])
                     assert program.possible
                     assert flown <= bound(program(weight, 0.3, 0.3))
 
 
-def test_a_tilt_held_at_an_instant_may_turn_away_from_it_at_once():
-    # Out to the angle of q, back for the instant, out again, back for the end, each as fast as can be: the samples
-    # next to the instant are up to dt, or d, away from it, which counts most on the side where q is strong.
+def test_a_held_tilt_may_turn_away_immediately():
+    # The tilt turns to the angle of q, back for the instant, to q again, and back for the end, at the rate limit.
+    # Samples next to the instant are up to dt away from it, and up to d in angle. This matters most where q is large.
     grid, vehicle = TimeGrid(160, 40, 10.0), Quadrotor()
     middle, time = grid.steps / 2 * grid.dt, grid.dt * np.linspace(0, grid.steps, 4 * grid.steps + 1)
     away = np.minimum(np.minimum(time, time[-1] - time), np.abs(time - middle))
@@ -218,7 +218,7 @@ def test_holding_the_tilt_never_raises_the_bound_and_one_half_keeps_it(generator
         assert min(low, high) <= free + 1e-12
 
 
-def test_a_winding_that_takes_longer_than_there_is_time_is_impossible():
+def test_a_winding_that_takes_longer_than_the_duration_is_impossible():
     grid = time_grid(1.0, 10.0)  # 10 rad
     possible = {winding: TiltProgram(Quadrotor(), grid, winding).possible for winding in (-2, -1, 0, 1, 2)}
     assert possible == {-2: False, -1: True, 0: True, 1: True, 2: False}
@@ -244,22 +244,22 @@ def test_the_bound_falls_with_the_square_of_the_angle_towards_a_flight(vehicle, 
     assert 0 < bounds[-1] - best(vehicle, grid, weight, winding) < 2e-4 * bounds[-1]
 
 
-# Each rounding is needed.
+# Each correction term is needed.
 
 
 def tight(winding=0, slack=0.0, reverse=False):
-    """Return a programme, a weight and penalties that bound well, and the integral of a flight close to the bound."""
+    """Return a programme, a weight, penalties of a tight bound, and the integral of a flight close to the bound."""
     grid, vehicle = TimeGrid(200, 100, 10.0), Quadrotor()
     weight, program = smooth(grid), TiltProgram(vehicle, grid, winding, slack)
     weight = weight[::-1] if reverse else weight
     return program, weight, tuned(program, weight), best(vehicle, grid, weight, winding, slack)
 
 
-def test_without_the_interpolation_a_tilt_between_two_angles_would_beat_the_bound():
+def test_the_bound_fails_without_the_interpolation_term():
     grid = TimeGrid(24, 12, 10.0)
     half = grid.angle / 2
     weight = np.tile([math.sin(half), math.cos(half)], (grid.steps + 1, 1))
-    tilt = eager_tilt(grid, weight, 0.0)
+    tilt = greedy_tilt(grid, weight, 0.0)
     most = TiltProgram(Quadrotor(), grid, 0)(weight, 0.0, 0.0)
     flown = integral(Quadrotor(), grid, weight, tilt)
     assert most.value + most.rounding < flown - 0.5 * most.interpolation
@@ -268,7 +268,7 @@ def test_without_the_interpolation_a_tilt_between_two_angles_would_beat_the_boun
 
 @pytest.mark.parametrize("slack", [0.0, 0.1])
 @pytest.mark.parametrize("winding", [0, 1])
-def test_without_the_terms_of_the_penalties_a_flight_would_beat_the_bound(winding, slack):
+def test_the_bound_fails_without_the_penalty_terms(winding, slack):
     program, weight, (first, last), flown = tight(winding, slack)
     whole, d = bound(program(weight, first, last)), program.grid.angle
     assert flown <= whole
@@ -279,7 +279,7 @@ def test_without_the_terms_of_the_penalties_a_flight_would_beat_the_bound(windin
 
 
 @pytest.mark.parametrize("reverse", [False, True])
-def test_with_one_of_the_sums_alone_a_flight_would_beat_the_bound(reverse):
+def test_the_bound_fails_with_only_one_of_the_sums(reverse):
     program, weight, (first, last), flown = tight(reverse=reverse)
     sums, _ = slow(Quadrotor(), program.grid, weight, first, last)
     most, d = program(weight, first, last), program.grid.angle
@@ -288,7 +288,7 @@ def test_with_one_of_the_sums_alone_a_flight_would_beat_the_bound(reverse):
     assert sums[1 if reverse else 0] + rest < flown
 
 
-def test_the_programme_is_the_one_of_its_definition(generator):
+def test_the_programme_agrees_with_its_definition(generator):
     for winding, slack, vehicle in ((0, 0.0, VEHICLES[0]), (1, 0.1, VEHICLES[1]), (-1, 0.3, VEHICLES[2])):
         grid = TimeGrid(41, 30, vehicle.rate_max)
         weight, first, last = random_weight(generator, grid), *generator.uniform(0, 2, 2)
@@ -307,7 +307,7 @@ def test_the_programme_is_the_one_of_its_definition(generator):
 def decimal_table(turn: int, count: int) -> tuple[Decimal, dict[int, Decimal], dict[int, Decimal]]:
     """Return pi, and sine and cosine of the multiples of 2 pi / turn up to `count`, to the digits of the context."""
 
-    # Machin's formula, the power series, and from there one rotation after the other.
+    # Machin's formula, the power series, and repeated rotation.
     def arctan_inverse(n):
         return sum((-1) ** k / (Decimal(2 * k + 1) * n ** (2 * k + 1)) for k in range(40))
 
@@ -325,7 +325,7 @@ def decimal_table(turn: int, count: int) -> tuple[Decimal, dict[int, Decimal], d
     return pi, sin, cos
 
 
-def test_rounding_covers_what_floating_point_arithmetic_loses(generator):
+def test_the_rounding_bound_covers_the_floating_point_error(generator):
     below = 0
     for seed in range(8):
         grid, slack = TimeGrid(26 + seed, 20, 10.0), 0.1 * (seed % 2)
@@ -386,7 +386,7 @@ def test_the_time_of_a_grid_is_rounded_downwards(vehicle, generator):
         assert exact * (1 - 16 * Fraction(UNIT_ROUNDOFF)) < Fraction(grid.time) <= exact
 
 
-def test_a_grid_lasts_at_least_as_long_as_asked_for_and_little_longer(generator):
+def test_a_grid_is_at_least_as_long_as_requested_and_at_most_one_step_longer(generator):
     for time in generator.uniform(0.05, 4, 60):
         for turn in (50, 100, 400):
             grid = time_grid(time, 10.0, turn=turn)
@@ -395,13 +395,13 @@ def test_a_grid_lasts_at_least_as_long_as_asked_for_and_little_longer(generator)
             assert least <= grid.turn <= round(1.2 * least)
             assert grid.steps >= LEAST_STEPS
             assert grid.dt * grid.rate_max == pytest.approx(grid.angle, rel=1e-15)
-            # Even a time that a grid has itself is not undercut by rounding.
+            # Rounding never makes a grid shorter than requested, not even for the duration of a grid.
             assert time_grid(grid.time, 10.0, turn=turn).time == grid.time
             later = math.nextafter(grid.time, math.inf)
             assert time_grid(later, 10.0, turn=turn).time >= later
 
 
-def test_a_smaller_gap_asks_for_smaller_angles():
+def test_a_smaller_gap_gives_smaller_angles():
     assert angles_for(1e-3) == 400
     assert angles_for(1e-3 / 4) == 800
     assert angles_for(1.0) == 100

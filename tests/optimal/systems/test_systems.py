@@ -1,4 +1,4 @@
-"""Flat systems: from states to jets and back, one vehicle written twice, programs that mean what `inverse` means."""
+"""Flat systems: states to jets and back, the planar inside the full quadrotor, and lifts that agree with `inverse`."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def random_motion(system: FlatSystem, generator: np.random.Generator) -> tuple[A
 
 
 def lifted_unknowns(system: FlatSystem, state: Array, control: Array) -> Array:
-    """Return what the system's lift would hold, read off the state."""
+    """Return the lifted unknowns of a state."""
     if isinstance(system, PlanarQuadrotor):
         return np.array([state[4], control[0]])
     if isinstance(system, FullQuadrotor):
@@ -74,7 +74,7 @@ def test_names_and_limits_fit_the_dynamics(system: FlatSystem, generator: np.ran
 
 
 @pytest.mark.parametrize("system", SYSTEMS, ids=IDS)
-def test_jets_in_batches_are_jets_one_by_one(system: FlatSystem, generator: np.random.Generator) -> None:
+def test_batched_jets_equal_single_jets(system: FlatSystem, generator: np.random.Generator) -> None:
     jets = [system.flat_jet(*random_motion(system, generator)) for _ in range(6)]
     batch = [np.array(columns).reshape(2, 3, -1) for columns in zip(*jets, strict=True)]
     states, inputs = system.state_and_input(batch)
@@ -85,7 +85,7 @@ def test_jets_in_batches_are_jets_one_by_one(system: FlatSystem, generator: np.r
 
 
 @pytest.mark.parametrize("system", SYSTEMS, ids=IDS)
-def test_the_lift_means_what_the_inverse_means(system: FlatSystem, generator: np.random.Generator) -> None:
+def test_the_lift_agrees_with_the_inverse(system: FlatSystem, generator: np.random.Generator) -> None:
     lift = system.lift()
     for _ in range(10):
         state, control = random_motion(system, generator)
@@ -98,7 +98,7 @@ def test_the_lift_means_what_the_inverse_means(system: FlatSystem, generator: np
 
 
 @pytest.mark.parametrize("system", [PlanarQuadrotor(), FullQuadrotor()], ids=IDS[:2])
-def test_no_flight_turns_faster_than_the_turning_time(system: FlatSystem, generator: np.random.Generator) -> None:
+def test_no_flight_turns_faster_than_the_least_turning_time(system: FlatSystem, generator: np.random.Generator) -> None:
     rate_max = 10.0
     for time in (0.005, 0.01, 0.015):
         state, control = random_motion(system, generator)
@@ -110,7 +110,7 @@ def test_no_flight_turns_faster_than_the_turning_time(system: FlatSystem, genera
         after = solve_ivp(motion, (0, time), state, rtol=1e-10, atol=1e-10).y[:, -1]
         unknowns = [ca.SX(lifted_unknowns(system, x, control)) for x in (state, after)]
         least = np.array(ca.DM(system.lift().least_turning_time(*unknowns))).max()
-        # What keeps the chord smooth makes it longer by at most 1e-3 rad, here far less.
+        # The smoothing lengthens the chord by at most 1e-3 rad, and by far less here.
         assert least <= time + 1e-5
         assert least >= 0.5 * time
 
