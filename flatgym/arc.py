@@ -1,14 +1,14 @@
-"""What happens inside one step: crossings, lowest points and closest approaches on the exact arc.
+"""Events within one step: line crossings, lowest points and closest approaches on the exact arc.
 
-Under a constant control the position over a step is known in closed form, so an event is a root
-of a smooth scalar function on the arc itself, not on the chord between samples. For the distance
-to a line with normal n the pieces on which it is monotone are known too: its second derivative
+Under a constant control the position within a step is known in closed form. An event is a root of a smooth scalar
+function on the arc itself, not on the chord between samples.
+
+For the distance to a line with normal n, the intervals on which it is monotone are known too. Its second derivative
 
     n . p'' = f cos(theta - beta) + n . c,   beta the tilt at which thrust points along n,
 
-with c the pull of gravity and wind, vanishes at theta = beta +- arccos(-n . c / f), in closed form;
-between these tilts the velocity along n is monotone and has at most one root, and between those
-roots so has the distance.
+with c the acceleration by gravity and wind, is zero at theta = beta +- arccos(-n . c / f). Between these tilts the
+velocity along n is monotone and has at most one root. Between those roots the distance is monotone.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from flatgym.quadrotor import Array, Quadrotor
 Function = Callable[[Array], tuple[Array, Array]]
 
 ROOT_ITERATIONS = 60
+"""Maximum number of Newton or bisection iterations."""
 ROOT_WIDTH = 1e-12
 """Width of the final bracket of a root [s]; at 20 m/s this is 2e-11 m."""
 SAGITTA_TOLERANCE = 1e-10
-"""Sagitta of a part of an arc that is not looked at more closely [m]."""
+"""Sagitta below which a part of an arc is not divided further [m]."""
 
 
 def rising_root(function: Function, low: Array, high: Array) -> Array:
     """Return the root of `function` in each bracket [low, high], shape (n,).
 
     Args:
-        function: maps times (n,) to values (n,) and slopes (n,); below zero at `low`, at or above
-            zero at `high`.
+        function: maps times (n,) to values (n,) and slopes (n,); negative at `low`, nonnegative at `high`.
         low, high: the brackets [s], shape (n,).
 
-    Newton's method, bisecting where Newton leaves the bracket or makes no progress; the returned
-    time is the upper end of the final bracket, so the value there is not negative.
+    Newton's method, with bisection where it leaves the bracket. The result is the upper end of the final bracket, so
+    the value there is not negative.
     """
     low, high = low.copy(), high.copy()
     time = (low + high) / 2
@@ -53,7 +53,7 @@ def rising_root(function: Function, low: Array, high: Array) -> Array:
             break
         with np.errstate(divide="ignore", invalid="ignore"):
             newton = time - value / slope
-        # A hair beyond Newton's point, so that both ends of the bracket move.
+        # Slightly beyond Newton's point, so that both ends of the bracket move.
         newton = newton + np.where(rising, -ROOT_WIDTH, ROOT_WIDTH) / 4
         inside = (newton > low) & (newton < high)
         time = np.where(inside, newton, (low + high) / 2)
@@ -61,9 +61,14 @@ def rising_root(function: Function, low: Array, high: Array) -> Array:
 
 
 class Arc:
-    """The flights of n vehicles over one step: states (n, 5), controls (n, 2), durations dt (n,) [s].
+    """The paths of n vehicles over one step.
 
-    `wind` is a constant acceleration [m/s^2], shape (n, 2) or (2,), beside gravity.
+    Args:
+        quadrotor: the vehicle.
+        state: states at the beginning of the step, shape (n, 5).
+        control: constant controls [thrust, rate], shape (n, 2).
+        dt: duration of the step [s], a number or shape (n,).
+        wind: constant acceleration in addition to gravity [m/s^2], shape (n, 2) or (2,).
     """
 
     def __init__(
@@ -74,7 +79,7 @@ class Arc:
         self.wind = np.broadcast_to(np.asarray(wind, dtype=np.float64), (len(state), 2))
 
     def __getitem__(self, rows: NDArray[Any]) -> Arc:
-        """Return the arcs of the vehicles picked by a mask or by their numbers."""
+        """Return the arcs of the vehicles selected by a mask or by indices."""
         return Arc(self.quadrotor, self.state[rows], self.control[rows], self.dt[rows], self.wind[rows])
 
     def __len__(self) -> int:
@@ -82,13 +87,13 @@ class Arc:
 
     @property
     def reach(self) -> Array:
-        """A distance that no vehicle can travel within the step [m], shape (n,); most events are ruled out by it."""
+        """A bound of the distance travelled within the step [m], shape (n,); it rules out most events."""
         speed = np.hypot(self.state[:, 2], self.state[:, 3])
         return speed * self.dt + self.acceleration_bound * self.dt**2
 
     @property
     def pull(self) -> Array:
-        """The constant acceleration by gravity and wind [m/s^2], shape (n, 2)."""
+        """Constant acceleration by gravity and wind [m/s^2], shape (n, 2)."""
         return self.wind - np.array([0.0, self.quadrotor.gravity])
 
     @property
@@ -144,7 +149,7 @@ class Arc:
         return np.sum(offset * velocity, axis=-1), np.sum(velocity**2 + offset * acceleration, axis=-1)
 
     def monotone_times(self, direction: Array) -> Array:
-        """Return times between which p . direction is monotone, from 0 to dt [s], shape (5, n)."""
+        """Return five times from 0 to dt; between two of them p . direction is monotone [s], shape (5, n)."""
         start = np.zeros(len(self))
         knots = np.sort(np.stack([start, *self.inflections(direction).T, self.dt]), axis=0)
         slopes = [self.speed_along(direction, t)[0] for t in knots]
@@ -159,15 +164,15 @@ class Arc:
         return np.stack([*times, self.dt])
 
     def crossing(self, point: Array, direction: Array, after: Array) -> Array:
-        """Return when each path first crosses the line from below to above later than `after`.
+        """Return the first time later than `after` at which each path crosses a line from below to above.
 
         Args:
             point: a point of the line [m], shape (n, 2).
-            direction: the unit vector of passage, across the line, shape (n, 2).
-            after: times before which nothing counts [s], shape (n,).
+            direction: the unit normal of the line, in the direction of passage, shape (n, 2).
+            after: times before which crossings do not count [s], shape (n,).
 
         Returns:
-            Times within the step [s], shape (n,); nan where the line is not crossed.
+            Times within the step [s], shape (n,); nan without a crossing.
         """
         times = np.maximum(self.monotone_times(direction), after)
         values = [self.height_over(point, direction, t)[0] for t in times]
@@ -182,24 +187,22 @@ class Arc:
         return found
 
     def lowest(self, direction: Array) -> Array:
-        """Return the least p . direction over the step [m] for a vector (2,), shape (n,)."""
+        """Return the minimum of p . direction over the step [m] for a vector (2,), shape (n,)."""
         origin, along = np.zeros((len(self), 2)), np.broadcast_to(direction, (len(self), 2))
         return np.min([self.height_over(origin, along, t)[0] for t in self.monotone_times(along)], axis=0)
 
     def distance(self, point: Array, within: float = np.inf) -> Array:
-        """Return a proven lower bound of the distance to points (n, 2) over the step [m], less than 1e-9 too small.
+        """Return a proven lower bound of the distance to points over the step [m], shape (n,), tight to 1e-9.
 
-        With r = |p - point|^2 / 2, |p'''| <= f |omega|, and |p''| at most f + |c| and at most what it is at the
-        beginning of a part and f |omega| adds to it, r''' is bounded on any part of the step. So parts on which r is
-        shown to be monotone or convex have their least value at an end or at the one root of r'. Parts shown to be too
-        far away by the sagitta of |p''| do not matter; the rest is halved.
+        Let r = |p - point|^2 / 2 and c the acceleration by gravity and wind. On a part of the step |p'''| <= f |omega|,
+        and |p''| is at most f + |c| and at most its initial value plus f |omega| times the length of the part. This
+        bounds r'''. A part on which r is shown to be monotone or convex has its minimum at an end or at the root of
+        r'. A part whose chord distance minus the sagitta bound exceeds the minimum so far is discarded. Other parts are
+        bisected.
 
         Args:
             point: shape (n, 2) [m].
-            within: where the distance is this or more, a value of this or more is returned [m]; it is sooner known.
-
-        Returns:
-            Shape (n,).
+            within: distances from this value on need not be resolved; any value >= `within` stands for them [m].
         """
         low, high, row = np.zeros(len(self)), self.dt.copy(), np.arange(len(self))
         least = np.minimum(self._distance_at(point, low), self._distance_at(point, high))
@@ -215,7 +218,7 @@ class Arc:
                 chosen, target = arc[turns], p[turns]
                 time = rising_root(partial(chosen.approach, target), low[turns], high[turns])
                 np.minimum.at(least, row[turns], chosen._distance_at(target, time))
-            # What is left within a hair of the least is taken to come as close as it might.
+            # Parts with a tiny sagitta count with their lower bound.
             left = ~(rising | convex) & (floor < np.minimum(least[row], within))
             fine = left & (sagitta <= SAGITTA_TOLERANCE)
             np.minimum.at(least, row[fine], floor[fine])
@@ -227,9 +230,10 @@ class Arc:
         return np.maximum(least, 0.0)
 
     def _approach_bounds(self, point: Array, low: Array, high: Array) -> Any:
-        """Return offset, r', r'' and a bound of an error, at both ends of a part, and a bound of |p''|; see `distance`.
+        """Return (offset, r', r'', error bound) at both ends of parts [low, high], and a bound of |p''|.
 
-        The first bound is how far r'' may fall below its lesser end, the second how far r' may leave its chord.
+        See `distance` for r. The first error bound is how far r'' may fall below its smaller end value, the second how
+        far r' may deviate from its chord.
         """
         width, jerk = high - low, self.control[:, 0] * np.abs(self.control[:, 1])
         found = []
@@ -240,7 +244,7 @@ class Arc:
             bend = np.sum(velocity**2 + offset * acceleration, axis=-1)
             found.append((offset, slope, bend))
             if time is low:
-                # What hovers has next to no acceleration, and is not looked at more and more closely.
+                # A hovering vehicle has almost no acceleration; this bound then ends the bisection early.
                 most = np.hypot(acceleration[:, 0], acceleration[:, 1]) + jerk * width
                 pull = np.minimum(self.acceleration_bound, most)
                 speed = np.hypot(velocity[:, 0], velocity[:, 1]) + pull * width
@@ -249,13 +253,14 @@ class Arc:
         return (*found[0], third * width / 2), (*found[1], third * width**2 / 8), pull
 
     def _distance_at(self, point: Array, time: Array, row: NDArray[Any] | None = None) -> Array:
+        """Return the distances to points at times, of all arcs or of those at `row`, shape (n,)."""
         arc = self if row is None else self[row]
         offset = arc.at(time)[:, 0:2] - point
         return np.hypot(offset[:, 0], offset[:, 1])
 
 
 def _chord_distance(before: Array, after: Array) -> Array:
-    """Return the distance of the origin to segments between points, each (n, 2), shape (n,)."""
+    """Return the distances of the origin to segments between points (n, 2), shape (n,)."""
     chord = after - before
     length = np.maximum(np.sum(chord**2, axis=-1), 1e-300)
     share = np.clip(-np.sum(before * chord, axis=-1) / length, 0.0, 1.0)

@@ -5,9 +5,8 @@
 
 State [x, z, vx, vz, theta], control [thrust, rate] = [f, omega]; metres, seconds, radians.
 
-Under a constant control the equations have a closed form, so simulation here has no
-integration error. With h the step, a = omega h / 2 the half turn, m = theta + a the middle
-tilt, and j0, j1 the spherical Bessel functions,
+Under a constant control the equations have a closed-form solution, so simulation has no integration error. With h the
+step, a = omega h / 2 half the rotation, m = theta + a the mean tilt, and j0, j1 the spherical Bessel functions,
 
     vx(h) = vx + f h j0(a) sin m
     vz(h) = vz + f h j0(a) cos m - g h
@@ -36,8 +35,8 @@ STATE_NAMES = ("x", "z", "vx", "vz", "theta")
 def spherical_bessel(a: Any, ops: Any = np) -> tuple[Any, Any]:
     """Return j0(a) = sin a / a and j1(a) = (sin a - a cos a) / a^2, smooth at a = 0.
 
-    `ops` supplies sin, cos and where, so that the same lines serve NumPy arrays and symbols.
-    Both closed forms lose digits near zero, so |a| < 1/2 uses the series (error < 1e-17).
+    `ops` supplies sin, cos and where, so that the same code serves NumPy arrays and CasADi symbols. Both closed forms
+    lose digits near zero; |a| < 1/2 uses the series (error < 1e-17).
     """
     q = a * a
     small = q < 0.25
@@ -54,8 +53,8 @@ def spherical_bessel(a: Any, ops: Any = np) -> tuple[Any, Any]:
 def exact_step(state: Any, control: Any, h: Any, gravity: Any, ops: Any = np) -> tuple[Any, ...]:
     """Return the five components of the state after h seconds of constant control.
 
-    `state` and `control` are sequences of 5 and 2 components (arrays or symbols that
-    broadcast); the formulas are those of the module docstring.
+    `state` and `control` are sequences of 5 and 2 components, arrays or symbols that broadcast. See the module
+    docstring for the formulas.
     """
     x, z, vx, vz, theta = state
     thrust, rate = control
@@ -73,20 +72,20 @@ def exact_step(state: Any, control: Any, h: Any, gravity: Any, ops: Any = np) ->
 
 
 def nearest_turn(angle: ArrayLike, near: ArrayLike = 0.0) -> Array:
-    """Return angles [rad] plus the whole turns that bring them nearest to `near`; by default into [-pi, pi]."""
+    """Return angles [rad] shifted by multiples of 2 pi to be nearest to `near`; by default into [-pi, pi]."""
     angle = np.asarray(angle, dtype=np.float64)
     return angle + 2 * np.pi * np.round((np.asarray(near) - angle) / (2 * np.pi))
 
 
 @dataclass(frozen=True)
 class Quadrotor:
-    """The vehicle: its limits, its equations of motion, its exact step.
+    """The vehicle: limits, equations of motion, exact step.
 
     Attributes:
         thrust_min, thrust_max: limits of the mass-normalised thrust F_T/m [m/s^2].
-        rate_max: limit of the pitch rate, in either direction [rad/s].
+        rate_max: limit of the absolute pitch rate [rad/s].
         gravity: gravitational acceleration [m/s^2] (the paper does not print it).
-        radius: radius of the body for collisions with hoop rims [m]; 0 is the paper's point.
+        radius: radius of the body for collisions with hoop rims [m]; 0 is the paper's point model.
 
     Raises:
         ValueError: for a value that is not finite or outside its range.
@@ -104,22 +103,22 @@ class Quadrotor:
         if self.thrust_max <= self.thrust_min:
             raise ValueError(f"Quadrotor.thrust_max must exceed thrust_min = {self.thrust_min}, got {self.thrust_max}")
         if self.rate_max == 0:
-            raise ValueError("Quadrotor.rate_max must be positive, got 0: without rotation nothing can be flown")
+            raise ValueError("Quadrotor.rate_max must be positive, got 0: the vehicle could not tilt")
 
     @property
     def control_low(self) -> Array:
-        """The smallest control [thrust, rate], shape (2,)."""
+        """Lower limits of the control [thrust, rate], shape (2,)."""
         return np.array([self.thrust_min, -self.rate_max])
 
     @property
     def control_high(self) -> Array:
-        """The largest control [thrust, rate], shape (2,)."""
+        """Upper limits of the control [thrust, rate], shape (2,)."""
         return np.array([self.thrust_max, self.rate_max])
 
     def control(self, action: ArrayLike) -> Array:
         """Map actions in [-1, 1], shape (..., 2), affinely onto the control box."""
         low, high = self.control_low, self.control_high
-        # Weights on the two ends rather than middle plus half-width: exact at both ends.
+        # A weighted mean of the two limits is exact at both; midpoint plus half-width is not.
         share = (np.asarray(action, dtype=np.float64) + 1) / 2
         return low * (1 - share) + high * share
 
@@ -145,7 +144,7 @@ class Quadrotor:
         Args:
             state: [x, z, vx, vz, theta], shape (..., 5).
             control: [thrust, rate], shape (..., 2); limits are not applied here.
-            dt: duration [s], shape (...); may be negative (the flow is reversible).
+            dt: duration [s], shape (...); negative values integrate backwards.
 
         Returns:
             The new states, shape (..., 5), leading axes broadcast.
@@ -160,10 +159,10 @@ class Quadrotor:
         return np.stack(np.broadcast_arrays(*parts), axis=-1)
 
     def fly(self, start: ArrayLike, controls: ArrayLike, dt: ArrayLike) -> Array:
-        """Return the states between n arcs of constant control, flown one after the other.
+        """Return the states at the ends of n successive arcs of constant control.
 
-        Each arc is flown from zero position and velocity. These enter the equations linearly and gravity is
-        uniform, so the arcs add up exactly, without a loop over time.
+        Each arc is computed from zero position and velocity. Position and velocity enter the equations linearly, so
+        the arcs are summed, without a loop over time.
 
         Args:
             start: the first state, shape (5,).
@@ -171,7 +170,7 @@ class Quadrotor:
             dt: duration of each arc [s], a number or shape (n,).
 
         Returns:
-            The states, shape (n + 1, 5), `start` first.
+            The states, shape (n + 1, 5), starting with `start`.
         """
         start, controls = np.asarray(start, dtype=np.float64), np.asarray(controls, dtype=np.float64)
         dt = np.broadcast_to(np.asarray(dt, dtype=np.float64), len(controls))

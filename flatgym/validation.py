@@ -1,4 +1,7 @@
-"""Values as they must be, or a ValueError that names the owner, the field, the value and what is allowed."""
+"""Validation of arguments: each function returns a valid value or raises a ValueError.
+
+The error names the owner, the field, the value and what is allowed.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAGNITUDE = 1e6
-"""Numbers beyond this are refused: nothing flown is that large, and their squares stay far from overflow."""
+"""Largest magnitude of a number; larger ones are rejected, so that squares stay far from overflow."""
 
 
 def number(owner: str, name: str, value: Any) -> float:
@@ -32,7 +35,7 @@ def positive(owner: str, name: str, value: Any) -> float:
 
 
 def nonnegative(owner: str, name: str, value: Any) -> float:
-    """Return a finite number that is not negative as a float."""
+    """Return a nonnegative, finite number as a float."""
     checked = number(owner, name, value)
     if checked < 0:
         raise ValueError(f"{owner}.{name} must be at least 0, got {checked!r}")
@@ -40,17 +43,17 @@ def nonnegative(owner: str, name: str, value: Any) -> float:
 
 
 def whole(name: str, value: Any, low: int, high: int) -> int:
-    """Return a whole number in low..high as an int."""
+    """Return an integer in low..high as an int."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not low <= value <= high:
         raise ValueError(f"{name} must be a whole number in {low}..{high}, got {value!r}")
     return int(value)
 
 
 def numbers(name: str, value: Any) -> NDArray[Any]:
-    """Return an array of real numbers, of whatever shape and type they are."""
+    """Return an array of real numbers or booleans, of any shape and dtype."""
     try:
         values = np.asarray(value)
-    except (TypeError, ValueError, OverflowError):  # of lists of unequal length
+    except (TypeError, ValueError, OverflowError):  # ragged lists
         values = np.empty(0, dtype=object)
     if values.dtype.kind not in "fiub":
         raise ValueError(f"{name} must be an array of numbers, got {value!r}")
@@ -58,7 +61,7 @@ def numbers(name: str, value: Any) -> NDArray[Any]:
 
 
 def pair(owner: str, name: str, value: Any, what: str = "two numbers") -> tuple[Any, Any]:
-    """Return two values of any kind."""
+    """Return two values of any type."""
     try:
         one, other = value
     except (TypeError, ValueError):

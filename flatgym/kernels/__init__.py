@@ -1,6 +1,6 @@
-"""The task for many vehicles at once, compiled: step, hoops, outcome, reward, observation and autoreset in one pass.
+"""Compiled kernels: step, events, outcome, reward, observation and autoreset of n vehicles in one pass.
 
-The truth is `flatgym.task`; this is the same, written for speed, and tests hold both together. The phases of a step
-(`flight`, `worth`, `sight`) are loops over blocks of vehicles without branches; what is rare - a hoop, a floor, the
-beginning of an episode - is looked at one vehicle at a time (`events`, `beginning`). `passes` joins them.
+`flatgym.task` defines the task; the kernels repeat it for speed, and tests hold the two together. The phases of a step
+(`transition`, `reward`, `observation`) are branch-free loops over blocks of vehicles. Rare work, such as a
+contact (`events`) or the start of an episode (`reset`), is done for one vehicle at a time. `step` combines them.
 """

@@ -1,4 +1,4 @@
-"""Arithmetic without branches, for the loops over a block."""
+"""Branch-free arithmetic for the loops over a block."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from flatgym.kernels.layout import vectorized
 
 QUARTER, QUARTER_REST = math.pi / 2, 6.123233995736766e-17
-"""pi/2 as the sum of two numbers."""
+"""pi/2 as the sum of two floats."""
 
 
 @vectorized
 def sine_cosine(angle: float) -> Any:
-    """Return sine and cosine by Taylor series about the nearest quarter turn, without branches; error < 1e-15."""
+    """Return sine and cosine by Taylor series about the nearest multiple of pi/2; error < 1e-15."""
     k = np.floor(angle * (1 / QUARTER) + 0.5)
     r = (angle - k * QUARTER) - k * QUARTER_REST
     q = r * r
@@ -31,7 +31,7 @@ def sine_cosine(angle: float) -> Any:
 
 @vectorized
 def bessel(a: float) -> Any:
-    """Return j0(a) and j1(a) for |a| <= pi by their power series, without branches; error < 1e-15."""
+    """Return j0(a) and j1(a) for |a| <= pi by their power series; error < 1e-15."""
     q = a * a
     j0 = 1 - q / 342 * (1 - q / 420 * (1 - q / 506 * (1 - q / 600 * (1 - q / 702 * (1 - q / 812)))))
     j0 = 1 - q / 72 * (1 - q / 110 * (1 - q / 156 * (1 - q / 210 * (1 - q / 272 * j0))))
@@ -43,7 +43,7 @@ def bessel(a: float) -> Any:
 
 @vectorized
 def squash(one: float, other: float, unit: float) -> Any:
-    """Return length / (unit + |length|) for two lengths with one division."""
+    """Return x / (unit + |x|) of two values with one division; `flatgym.task.observation.squash` for kernels."""
     a, b = unit + abs(one), unit + abs(other)
     share = 1 / (a * b)
     return one * b * share, other * a * share

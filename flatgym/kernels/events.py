@@ -1,7 +1,7 @@
-"""What happens inside one step, for one vehicle, compiled: the twin of `flatgym.arc`.
+"""Events within one step of one vehicle: the compiled version of `flatgym.arc`, which has the theory.
 
-The theory stands there. An arc is a tuple (x, z, vx, vz, theta, thrust, rate, pull_x, pull_z): the state at the
-beginning of the step, the control held over it, the acceleration by gravity and wind. A test holds both together.
+An arc is a tuple (x, z, vx, vz, theta, thrust, rate, pull_x, pull_z): the state at the beginning of the step, its
+constant control, and the acceleration by gravity and wind. A test holds both versions together.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from flatgym.arc import ROOT_ITERATIONS, ROOT_WIDTH, SAGITTA_TOLERANCE
 from flatgym.kernels.layout import compiled
 
 HEIGHT, SPEED, APPROACH = 0, 1, 2
-"""Whose root is sought: (p - point) . direction, p' . direction, or half the rate of change of |p - point|^2."""
+"""Event functions: (p - point) . direction, p' . direction, and half the time derivative of |p - point|^2."""
 PARTS = 128
-"""Parts of a step that may wait to be looked at; halving to a hair takes fewer than 40."""
+"""Capacity of the stack of subintervals in `distance`; bisection to SAGITTA_TOLERANCE needs fewer than 40."""
 
 
 @compiled
@@ -46,7 +46,7 @@ def at(arc: Any, time: float) -> Any:
 
 @compiled
 def event(arc: Any, kind: int, px: float, pz: float, dx: float, dz: float, time: float) -> Any:
-    """Return the function whose root is sought and its time derivative; see HEIGHT, SPEED, APPROACH."""
+    """Return an event function, one of HEIGHT, SPEED and APPROACH, and its time derivative."""
     x, z, vx, vz, ax, az = at(arc, time)
     if kind == HEIGHT:
         return (x - px) * dx + (z - pz) * dz, vx * dx + vz * dz
@@ -59,7 +59,7 @@ def event(arc: Any, kind: int, px: float, pz: float, dx: float, dz: float, time:
 def rising_root(
     arc: Any, kind: int, px: float, pz: float, dx: float, dz: float, low: float, high: float, sign: float
 ) -> float:
-    """Return the root of `sign` times an event in [low, high], where it rises through zero; the upper end of a hair."""
+    """Return the rising root of `sign` times an event function in [low, high]: the upper end of the final bracket."""
     time = (low + high) / 2
     for _ in range(ROOT_ITERATIONS):
         value, slope = event(arc, kind, px, pz, dx, dz, time)
@@ -70,7 +70,7 @@ def rising_root(
             low = time
         if high - low <= ROOT_WIDTH:
             break
-        # A hair beyond Newton's point, so that both ends of the bracket move.
+        # Slightly beyond Newton's point, so that both ends of the bracket move.
         newton = time - value / slope - (ROOT_WIDTH / 4 if rising else -ROOT_WIDTH / 4)
         time = newton if low < newton < high else (low + high) / 2
     return high
@@ -78,7 +78,7 @@ def rising_root(
 
 @compiled
 def inflections(arc: Any, dt: float, dx: float, dz: float) -> Any:
-    """Return, in order, when p'' . direction vanishes within the step, else its end [s]."""
+    """Return the two times at which p'' . direction is zero, in order; dt where there is none within the step [s]."""
     _, _, _, _, theta, thrust, rate, pull_x, pull_z = arc
     ratio = -(pull_x * dx + pull_z * dz) / max(thrust, 1e-300)
     if rate == 0 or abs(ratio) > 1:
@@ -93,7 +93,7 @@ def inflections(arc: Any, dt: float, dx: float, dz: float) -> Any:
 
 @compiled
 def monotone_times(arc: Any, dt: float, dx: float, dz: float) -> Any:
-    """Return five times from 0 to dt between which p . direction is monotone [s]."""
+    """Return five times from 0 to dt; between two of them p . direction is monotone [s]."""
     first, second = inflections(arc, dt, dx, dz)
     knots = (0.0, first, second, dt)
     times = np.zeros(5)
@@ -111,10 +111,10 @@ def monotone_times(arc: Any, dt: float, dx: float, dz: float) -> Any:
 
 @compiled
 def crossing(arc: Any, dt: float, px: float, pz: float, dx: float, dz: float, after: float, end: float) -> float:
-    """Return when the path first crosses a line from below to above later than `after` [s]; nan if it does not.
+    """Return the first time later than `after` at which the path crosses a line from below to above [s], or nan.
 
-    `end` is the height over the line at the end of the step, from the very state in which the next step begins: were it
-    reckoned here once more, its rounding might lose a crossing between the two.
+    `end` is the height over the line at the end of the step, computed from the state in which the next step begins.
+    Computing it here with other rounding could lose a crossing between two steps.
     """
     times = monotone_times(arc, dt, dx, dz)
     low = max(times[0], after)
@@ -130,7 +130,7 @@ def crossing(arc: Any, dt: float, px: float, pz: float, dx: float, dz: float, af
 
 @compiled
 def lowest(arc: Any, dt: float, dx: float, dz: float) -> float:
-    """Return the least p . direction over the step [m]."""
+    """Return the minimum of p . direction over the step [m]."""
     least = math.inf
     for time in monotone_times(arc, dt, dx, dz):
         least = min(least, event(arc, HEIGHT, 0.0, 0.0, dx, dz, time)[0])
@@ -139,10 +139,7 @@ def lowest(arc: Any, dt: float, dx: float, dz: float) -> float:
 
 @compiled
 def distance(arc: Any, dt: float, px: float, pz: float, within: float) -> float:
-    """Return a lower bound of the distance to a point over the step [m], less than 1e-9 too small.
-
-    Any value of `within` or more stands for all that is not nearer than that.
-    """
+    """Return a lower bound of the distance to a point over the step [m], tight to 1e-9 if it is below `within`."""
     _, _, _, _, _, thrust, rate, pull_x, pull_z = arc
     acceleration, jerk = thrust + math.hypot(pull_x, pull_z), thrust * abs(rate)
     parts = np.empty((PARTS, 2))
@@ -154,7 +151,7 @@ def distance(arc: Any, dt: float, px: float, pz: float, within: float) -> float:
         low, high = parts[waiting, 0], parts[waiting, 1]
         width = high - low
         _, _, vx, vz, ax, az = at(arc, low)
-        # What hovers has next to no acceleration, and is not looked at more and more closely.
+        # A hovering vehicle has almost no acceleration; this bound then ends the bisection early.
         most = min(acceleration, math.hypot(ax, az) + jerk * width)
         sagitta = most * width**2 / 8
         floor = _chord_distance(arc, px, pz, low, high) - sagitta
@@ -185,6 +182,7 @@ def distance(arc: Any, dt: float, px: float, pz: float, within: float) -> float:
 
 @compiled
 def _distance_at(arc: Any, px: float, pz: float, time: float) -> float:
+    """Return the distance to a point `time` seconds into the step [m]."""
     x, z, _, _, _, _ = at(arc, time)
     return math.hypot(x - px, z - pz)
 

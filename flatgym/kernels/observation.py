@@ -1,4 +1,4 @@
-"""What is seen: the measured state, and the features of `flatgym.task.observe`."""
+"""Observations: the measured state, and the features of `flatgym.task.observe`."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from flatgym.task.observation import LENGTH_UNIT, SPEED_UNIT
 
 @vectorized
 def measure(f: Any, s: Any, o: Any, m: Any) -> None:
-    """Write the states as the sensors tell them: the truth, to which noise may be added."""
+    """Write the measured states of a block, without noise."""
     for i in range(m):
         k = o + i
         s[i + MX], s[i + MZ], s[i + MTHETA] = f[k + X], f[k + Z], f[k + THETA]
@@ -52,7 +52,7 @@ def measure(f: Any, s: Any, o: Any, m: Any) -> None:
 
 @compiled
 def add_noise(f: Any, s: Any, k: Any, i: Any, noise: float, seed: Any, episode: Any) -> None:
-    """Add sensor noise to what is measured of one vehicle."""
+    """Add sensor noise to the measured state of one vehicle."""
     index = np.uint64(NOISE) + np.uint64(f[k + STEPS]) * np.uint64(10)
     for j in range(5):
         s[i + MX + ROW[j]] += noise * normal(seed, episode, index + np.uint64(2 * j))
@@ -60,7 +60,7 @@ def add_noise(f: Any, s: Any, k: Any, i: Any, noise: float, seed: Any, episode: 
 
 @vectorized
 def write_features(f: Any, s: Any, t: Any, o: Any, m: Any, c: Any) -> None:
-    """Write the features of `flatgym.task.observe` to the rows of `t`."""
+    """Write the features of `flatgym.task.observe` of a block to `t`."""
     share, floor, ceiling = 1 / c.max_steps, c.floor, c.ceiling
     for i in range(m):
         k = o + i
@@ -85,7 +85,7 @@ def write_features(f: Any, s: Any, t: Any, o: Any, m: Any, c: Any) -> None:
 def write_observation(
     f: Any, s: Any, t: Any, o: Any, n: Any, m: Any, c: Any, ids: Any, first: int, observation: Any
 ) -> None:
-    """Write the observations of a block."""
+    """Write the observations of a block, features or measured states, to rows of `observation`."""
     measure(f, s, o, m)
     if c.sensor_noise > 0:
         for i in range(n):

@@ -1,4 +1,4 @@
-"""How an episode begins: what is drawn from its seed and number, and where the vehicle stands."""
+"""Start of an episode: sampling from its seed and number, and the initial state."""
 
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ from flatgym.task.scene import FLYING
 
 @compiled
 def start_episode(f: Any, s: Any, k: Any, c: Any, lane: Any, world: Any) -> None:
-    """Begin an episode: everything drawn, the vehicle at its start, its potential known."""
-    ids, all_hoops, pool, numbers = world
+    """Start an episode: sample scene and disturbances, set the initial state, compute its potential."""
+    ids, all_hoops, pool, distribution = world
     seed, episode, hoops = ids[0, lane], ids[1, lane], all_hoops[lane]
     if c.drawn:
-        sample_scene(f, k, seed, episode, hoops, numbers)
+        sample_scene(f, k, seed, episode, hoops, distribution)
     f[k + FACTOR], f[k + PULL_X], f[k + PULL_Z], f[k + DELAY] = 1.0, 0.0, -c.gravity, 0.0
     if c.disturbed:
         sample_disturbances(f, k, c, seed, episode)
@@ -71,12 +71,12 @@ def start_episode(f: Any, s: Any, k: Any, c: Any, lane: Any, world: Any) -> None
 
 
 @compiled
-def sample_scene(f: Any, k: Any, seed: Any, episode: Any, hoops: Any, numbers: Any) -> None:
-    """Draw goal and hoops, and set the bounds around them, as `Scenario.bounds` does."""
+def sample_scene(f: Any, k: Any, seed: Any, episode: Any, hoops: Any, distribution: Any) -> None:
+    """Sample goal and hoops, and set the bounds as `Scenario.bounds` does."""
     u, scene = np.empty(uniforms_needed(hoops.shape[0])), np.empty(PLACED + PER_HOOP * hoops.shape[0])
     for i in range(u.size):
         u[i] = uniform(seed, episode, np.uint64(SCENE + i))
-    write_scene(u, numbers, scene)
+    write_scene(u, distribution, scene)
     f[k + GOAL_X], f[k + GOAL_Z], f[k + COUNT] = scene[0], scene[1], scene[2]
     low_x, high_x = min(0.0, scene[0]), max(0.0, scene[0])
     low_z, high_z = min(0.0, scene[1]), max(0.0, scene[1])
@@ -92,7 +92,7 @@ def sample_scene(f: Any, k: Any, seed: Any, episode: Any, hoops: Any, numbers: A
 
 @compiled
 def sample_disturbances(f: Any, k: Any, c: Any, seed: Any, episode: Any) -> None:
-    """Draw the disturbances of an episode."""
+    """Sample the disturbances of an episode."""
     u, drawn = np.empty(5), np.empty(4)
     for i in range(5):
         u[i] = uniform(seed, episode, np.uint64(DISTURBANCE + i))
@@ -102,7 +102,7 @@ def sample_disturbances(f: Any, k: Any, c: Any, seed: Any, episode: Any) -> None
 
 @compiled
 def find_next_hoops(f: Any, k: Any, hoops: Any) -> None:
-    """Fill in the next two hoops, and the length of the way from the first of them to the goal."""
+    """Write the next two hoops, and the length of the polyline from the first of them to the goal."""
     j, count = int(f[k + PASSED]), int(f[k + COUNT])
     for i in range(2):
         r = k + np.uint64(i) * (AHEAD2 - AHEAD1)

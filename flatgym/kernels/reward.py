@@ -1,4 +1,4 @@
-"""What a step is worth: the shaping potential of `flatgym.task.shaping`, and the reward of `flatgym.task`."""
+"""Reward of a step: `flatgym.task.shaping.potential` and `flatgym.task.reward`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _DX, _DZ = tuple(map(float, DIRECTIONS[0])), tuple(map(float, DIRECTIONS[1]))
 
 @vectorized
 def write_potential(f: Any, s: Any, o: Any, n: Any, c: Any) -> None:
-    """Write the shaping potential of `flatgym.task.shaping`, and keep the one before it."""
+    """Write the shaping potential of a block, and copy the previous one to BEFORE."""
     thrust, gravity = c.thrust_max, c.gravity
     for i in range(n):
         s[FLAG + i] = 0.0
@@ -65,7 +65,7 @@ def write_potential(f: Any, s: Any, o: Any, n: Any, c: Any) -> None:
 
 @vectorized
 def write_reward(f: Any, s: Any, o: Any, m: Any, c: Any) -> None:
-    """Write reward and end of the step; who begins anew in this step has neither."""
+    """Write REWARD and END of a step; both are 0 for a vehicle that this step resets."""
     dt, most, shaped = c.dt, c.max_steps, (1.0 if c.shaped else 0.0)
     for i in range(m):
         k = o + i

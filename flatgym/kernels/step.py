@@ -1,4 +1,4 @@
-"""The passes over all vehicles: one step with all that follows from it, and the beginning of episodes."""
+"""The entry point `advance`: one step of all vehicles with autoreset, or the start of requested episodes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from flatgym.task.scene import FLYING, GOAL, TIME_LIMIT
 
 @vectorized
 def write_record(f: Any, s: Any, o: Any, n: Any, first: Any, dt: float, numbers: Any) -> None:
-    """Write how the flights stand; rows as in `flatgym.envs.fleet.ROWS`."""
+    """Write the numbers of a block; rows as in `flatgym.envs.fleet.ROWS`."""
     for j in range(5):
         for i in range(n):
             numbers[j, first + i] = f[o + X + ROW[j] + i]
@@ -47,7 +47,7 @@ def write_record(f: Any, s: Any, o: Any, n: Any, first: Any, dt: float, numbers:
 
 @vectorized
 def write_counts_and_flags(f: Any, s: Any, o: Any, n: Any, first: Any, counts: Any, flags: Any) -> None:
-    """Write what follows from the numbers; see `flatgym.envs.fleet.Record`."""
+    """Write counts and flags of a block; see `flatgym.envs.fleet.Record`."""
     for i in range(n):
         lane, end = first + i, s[i + END]
         flags[0, lane] = (end != FLYING) & (end != TIME_LIMIT)
@@ -69,16 +69,16 @@ def all_finite(actions: Any) -> bool:
 
 @vectorized
 def count_ended(s: Any, n: Any) -> int:
-    """Return how many of a block have ended or begin anew."""
-    busy = 0
+    """Return how many vehicles of a block have ended their episode or are to be reset."""
+    count = 0
     for i in range(n):
-        busy += 1 if s[WAITED + i] + s[END + i] > 0 else 0
-    return busy
+        count += 1 if s[WAITED + i] + s[END + i] > 0 else 0
+    return count
 
 
 @compiled
 def autoreset(f: Any, s: Any, o: Any, n: Any, flag: Any, c: Any, world: Any, first: Any) -> None:
-    """Begin the next episode of those of a block whose row `flag` is above zero."""
+    """Start the next episode of the vehicles of a block whose row `flag` is above zero."""
     for i in range(n):
         if s[flag + i] > 0:
             world[0][1, first + i] += ONE
@@ -87,9 +87,10 @@ def autoreset(f: Any, s: Any, o: Any, n: Any, flag: Any, c: Any, world: Any, fir
 
 @compiled
 def start_requested(f: Any, s: Any, o: Any, n: Any, c: Any, world: Any, first: Any, given: Any) -> None:
-    """Begin an episode for those of a block whose row of `given` begins with 1.
+    """Start an episode for the vehicles of a block whose row of `given` starts with 1.
 
-    A row of `given` is [1 or 0, x, z, vx, vz, theta, hoops passed]; what of it is not nan replaces what was drawn.
+    A row of `given` is [1 or 0, x, z, vx, vz, theta, hoops passed], shape (7,). Entries that are not nan replace those
+    of the episode's own start.
     """
     for i in range(n):
         k, lane = o + i, first + i
@@ -112,7 +113,7 @@ def advance(
     hoops: Any,
     pool: Any,
     settings: Any,
-    numbers: Any,
+    distribution: Any,
     pending: Any,
     actions: Any,
     given: Any,
@@ -124,21 +125,35 @@ def advance(
     final_observation: Any,
     final: Any,
 ) -> int:
-    """Fly all vehicles one step and begin anew what has ended; or, where there are rows `given`, begin what they say.
+    """Advance all vehicles by one step with autoreset; or, if `given` has rows, start the episodes they request.
 
-    One function for both, because compiling it takes seconds.
+    One function does both, because each compiled function costs seconds of compilation.
+
+    Args:
+        f: vehicles, see `flatgym.kernels.layout`.
+        ids: seeds and episode numbers, shape (2, n), uint64.
+        hoops: (x, z, direction x, direction z, diameter) of each hoop, shape (n, H, 5).
+        pool: start states and hoops passed, shape (m, 6); m = 0 without a pool.
+        settings: shape (1,), dtype SETTINGS.
+        distribution: parameters of the distribution of scenarios, shape (8,).
+        pending: queues of delayed controls, shape (n, slots, 2).
+        actions: shape (whole blocks, 2).
+        given: requested starts, shape (n, 7), see `start_requested`; shape (0, 7) for a step.
+        observation, record, counts, flags: results, see `flatgym.envs.fleet.StepResult`.
+        ended: receives the indices of the vehicles whose episode ended, shape (n,).
+        final_observation, final: results before autoreset; written only with `same_step`.
 
     Returns:
-        How many flights have ended, their numbers in `ended`; -1, and nothing is done, if an action is not finite.
+        The number of episodes that ended; -1, and nothing has changed, if an action is not finite.
     """
-    c, count, over, flies = settings[0], np.uint64(ids.shape[1]), 0, given.shape[0] == 0
-    s, t, world = np.zeros(SCRATCH), np.empty(SEEN, dtype=np.float32), (ids, hoops, pool, numbers)
-    if flies and not all_finite(actions):
+    c, count, total, stepping = settings[0], np.uint64(ids.shape[1]), 0, given.shape[0] == 0
+    s, t, world = np.zeros(SCRATCH), np.empty(SEEN, dtype=np.float32), (ids, hoops, pool, distribution)
+    if stepping and not all_finite(actions):
         return -1
     for first in range(ZERO, count, LANES):
         o, n = first // LANES * SPAN, min(LANES, count - first)
         m = (n + GROUP - ONE) // GROUP * GROUP
-        if flies:
+        if stepping:
             scale_actions(s, m, c, actions, first)
             if c.action_delay > 0:
                 delay_controls(f, s, o, n, c, pending, first)
@@ -153,8 +168,8 @@ def advance(
         if count_ended(s, n) > 0:
             for i in range(n):
                 if s[END + i] > 0:
-                    ended[over] = first + i
-                    over += 1
+                    ended[total] = first + i
+                    total += 1
             if c.same_step:
                 write_record(f, s, o, n, first, c.dt, final)
                 write_observation(f, s, t, o, n, m, c, ids, first, final_observation)
@@ -162,4 +177,4 @@ def advance(
         write_record(f, s, o, n, first, c.dt, record)
         write_counts_and_flags(f, s, o, n, first, counts, flags)
         write_observation(f, s, t, o, n, m, c, ids, first, observation)
-    return over
+    return total

@@ -1,4 +1,4 @@
-"""One step flown: commands, the exact arc, what is met inside it, and how the flight then stands."""
+"""One step of a block: controls, exact step, contacts within it, and outcome."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ from flatgym.task.transition import CONTACT_SLACK
 
 @vectorized
 def scale_actions(s: Any, m: Any, c: Any, actions: Any, first: int) -> None:
-    """Turn actions into thrust and rate; clipped to the box."""
+    """Clip actions to the box and scale them to thrust and rate."""
     low, high, most = c.thrust_min, c.thrust_max, c.rate_max
     for i in range(m):
         push, turn = actions[first + i, 0], actions[first + i, 1]
@@ -66,7 +66,7 @@ def scale_actions(s: Any, m: Any, c: Any, actions: Any, first: int) -> None:
 
 @compiled
 def delay_controls(f: Any, s: Any, o: Any, n: Any, c: Any, pending: Any, first: int) -> None:
-    """Put the commands into their queues, and take out those whose time has come; before the first, hover."""
+    """Queue the controls and replace them by those that act in this step; hover before the first one acts."""
     slots = pending.shape[1]
     for i in range(n):
         lane, step, late = first + i, int(f[o + STEPS + i]), int(f[o + DELAY + i])
@@ -81,7 +81,7 @@ def delay_controls(f: Any, s: Any, o: Any, n: Any, c: Any, pending: Any, first: 
 
 @vectorized
 def exact_step(f: Any, s: Any, o: Any, m: Any, h: float) -> None:
-    """Fly the exact step of `flatgym.quadrotor`; no step makes a whole turn, so |rate| h / 2 <= pi."""
+    """Compute the exact step of `flatgym.quadrotor`; a scenario's dt guarantees |rate| h / 2 <= pi."""
     for i in range(m):
         k = o + i
         x, z, vx, vz, theta = f[k + X], f[k + Z], f[k + VX], f[k + VZ], f[k + THETA]
@@ -99,9 +99,9 @@ def exact_step(f: Any, s: Any, o: Any, m: Any, h: float) -> None:
 
 @vectorized
 def flag_contacts(f: Any, s: Any, o: Any, m: Any, c: Any) -> int:
-    """Mark the vehicles that may have met a hoop, the floor or the ceiling inside the step; return how many.
+    """Flag the vehicles that may have crossed a gap or touched floor or ceiling within the step; return how many.
 
-    An arc strays from its chord by at most |p''| h^2 / 8, and |p''| is at most thrust and pull together.
+    The distance of an arc to its chord is at most |p''| h^2 / 8, and |p''| is at most thrust plus pull.
     """
     h, radius, floor, ceiling, marked = c.dt, c.radius, c.floor, c.ceiling, 0
     for i in range(m):
@@ -115,7 +115,7 @@ def flag_contacts(f: Any, s: Any, o: Any, m: Any, c: Any) -> int:
         crosses = (min(along, before) - bow < 0) & (max(along, before) + bow >= 0)
         gap = f[k + GAP1] / 2 - radius + bow
         inside = (min(aside, aside_before) <= gap) & (max(aside, aside_before) >= -gap)
-        # With a speed that keeps its sign, by the bound of |p'''|, the extremes are the ends.
+        # If the bound of |p'''| shows that vz keeps its sign, the extreme heights are those at the ends.
         bend = s[i + THRUST] * f[k + FACTOR] * abs(s[i + RATE]) * h * h / 8
         steady = (min(f[k + VZ], s[i + BVZ]) >= bend) | (max(f[k + VZ], s[i + BVZ]) <= -bend)
         stray = 0.0 if steady else bow
@@ -129,7 +129,7 @@ def flag_contacts(f: Any, s: Any, o: Any, m: Any, c: Any) -> int:
 
 @compiled
 def arc_of(f: Any, s: Any, k: Any, i: Any) -> Any:
-    """Return the arc of the step just flown, as `flatgym.kernels.events` wants it."""
+    """Return the arc of the step just computed, as a tuple for `flatgym.kernels.events`."""
     thrust = s[i + THRUST] * f[k + FACTOR]
     state = (s[i + BX], s[i + BZ], s[i + BVX], s[i + BVZ], s[i + BTHETA])
     return (*state, thrust, s[i + RATE], f[k + PULL_X], f[k + PULL_Z])
@@ -137,7 +137,7 @@ def arc_of(f: Any, s: Any, k: Any, i: Any) -> Any:
 
 @compiled
 def resolve_contacts(f: Any, s: Any, k: Any, i: Any, c: Any, hoops: Any) -> int:
-    """Pass the hoops met inside the step, and return the outcome if a rim, the floor or the ceiling was touched."""
+    """Count the hoops passed within the step; return the outcome of a contact with rim, floor or ceiling, or FLYING."""
     arc, touched, time = arc_of(f, s, k, i), FLYING, 0.0
     j, count = int(f[k + PASSED]), int(f[k + COUNT])
     while j < count:
@@ -154,12 +154,12 @@ def resolve_contacts(f: Any, s: Any, k: Any, i: Any, c: Any, hoops: Any) -> int:
     if j != int(f[k + PASSED]):
         f[k + PASSED] = j
         find_next_hoops(f, k, hoops)
-    # A way no vehicle can rise or fall within the step; mostly only one of the two is near.
+    # A bound of the height difference within the step; it rules out at least one of the two in most cases.
     reach = (abs(s[i + BVZ]) + (arc[5] + abs(arc[8])) * c.dt) * c.dt
-    for up, limit, word in ((-1.0, -c.ceiling, CEILING), (1.0, c.floor, FLOOR)):
+    for up, limit, contact in ((-1.0, -c.ceiling, CEILING), (1.0, c.floor, FLOOR)):
         near, limit = up * s[i + BZ] - reach < limit, limit - CONTACT_SLACK
         if up * f[k + Z] < limit or (near and lowest(arc, c.dt, 0.0, up) < limit):
-            touched = word
+            touched = contact
     if c.radius > 0 and touches_rim(arc, c.dt, c.radius, hoops, count):
         touched = COLLISION
     return touched
@@ -167,7 +167,7 @@ def resolve_contacts(f: Any, s: Any, k: Any, i: Any, c: Any, hoops: Any) -> int:
 
 @compiled
 def check_contacts(f: Any, s: Any, o: Any, n: Any, m: Any, c: Any, hoops: Any, first: int) -> None:
-    """Look closely at those who may have met something."""
+    """Resolve the contacts of the flagged vehicles, and of all if they have a radius; write outcomes to FLAG."""
     if flag_contacts(f, s, o, m, c) == 0 and c.radius == 0:
         return
     for i in range(n):
@@ -177,7 +177,7 @@ def check_contacts(f: Any, s: Any, o: Any, n: Any, m: Any, c: Any, hoops: Any, f
 
 @compiled
 def touches_rim(arc: Any, h: float, radius: float, hoops: Any, count: int) -> bool:
-    """Return whether a body touches an end of any gap."""
+    """Return whether a body of this radius [m] touches an end of any gap within the step."""
     for j in range(count):
         x, z, dx, dz, gap = hoops[j, 0], hoops[j, 1], hoops[j, 2], hoops[j, 3], hoops[j, 4]
         for i in range(2):
@@ -189,7 +189,7 @@ def touches_rim(arc: Any, h: float, radius: float, hoops: Any, count: int) -> bo
 
 @vectorized
 def write_outcome(f: Any, s: Any, o: Any, m: Any, c: Any) -> None:
-    """Count the step and say how the flight stands; FLAG holds the outcome of a contact, which comes first."""
+    """Count the step and write the outcome; that of a contact, in FLAG, takes precedence."""
     position, speed, angle, most = c.position, c.speed, c.angle, c.last_step
     for i in range(m):
         k = o + i

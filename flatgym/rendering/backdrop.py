@@ -1,7 +1,7 @@
-"""What stands still behind a flight: grid, floor and ceiling, start and goal, the ghost's path, and the hoops.
+"""The static part of a picture: grid, floor and ceiling, start and goal, the ghost's path, and the hoops.
 
-A hoop is a ring seen aslant. Its far half is part of the backdrop; its near half is drawn before the vehicle,
-so that one flies through. The next hoop to be passed is told from those after it and those passed by its colour.
+A hoop is drawn as a ring in perspective. Its far half is part of the backdrop; its near half is drawn over the vehicle,
+so the vehicle appears to pass through. Colours distinguish the next hoop, later hoops, and passed hoops.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ from flatgym.rendering.palette import (
 from flatgym.scenarios.scenario import Hoop, Scenario
 
 GRID_STEPS = tuple(digit * 10**power for power in range(7) for digit in (1, 2, 5))
-"""Distances of grid lines to choose from [m]."""
+"""Candidates for the distance of grid lines [m]."""
 
 
 class Backdrop:
-    """Draws what stands still, all of it or the near halves of the hoops.
+    """Draws the static part, all of it or the near halves of the hoops.
 
     Args:
-        scenario: whose world it is.
-        unit: pixels of what is a pixel in a picture of 960 x 720.
+        scenario: the scenario.
+        unit: scale of the picture relative to 960 x 720 pixels.
     """
 
     def __init__(self, scenario: Scenario, unit: float) -> None:
         self.scenario, self.unit = scenario, unit
 
     def draw(self, canvas: Canvas, camera: Camera, hoops_passed: int, ghost: Array | None) -> None:
-        """Draw everything anew; `ghost` are states of the flight whose path is shown, shape (n, 5)."""
+        """Draw everything; `ghost` are the states of the trajectory whose path is shown, shape (n, 5), or None."""
         canvas.panel(*camera.view, PAPER)
         canvas.clip(camera.view)
         self._grid(canvas, camera)
@@ -60,8 +60,8 @@ class Backdrop:
         dashboard.panels(canvas, self.unit, self.scenario, ghost is not None)
 
     def hoops(self, canvas: Canvas, camera: Camera, passed: int, near: bool) -> None:
-        """Draw the near halves of the rings, or the far ones with arrows and numbers."""
-        # The next one lies on top of others in the same place.
+        """Draw the near halves of the rings, or the far halves with arrows and numbers."""
+        # The next hoop is drawn last, on top of others at the same place.
         for i, hoop in sorted(enumerate(self.scenario.hoops), key=lambda item: (item[0] == passed, item[0] > passed)):
             colour = PASSED if i < passed else NEXT if i == passed else AHEAD
             self._half_ring(canvas, camera, hoop, colour, near, bold=i == passed)
@@ -85,7 +85,7 @@ class Backdrop:
         for x, at in across:
             self._label(canvas, f"{x:g}", at + 4 * unit, top + height - 9 * unit)
         for z, at in up:
-            # The corners belong to other words.
+            # The corners hold other labels.
             if top + 20 * unit < at < top + height - 26 * unit:
                 self._label(canvas, f"{z:g}", left + 6 * unit, at - 8 * unit)
 
@@ -96,7 +96,7 @@ class Backdrop:
 
     def _bands(self, canvas: Canvas, camera: Camera) -> None:
         unit, (left, top, width, height) = self.unit, camera.view
-        for limit, below, word in ((self.scenario.floor, True, "floor"), (self.scenario.ceiling, False, "ceiling")):
+        for limit, below, label in ((self.scenario.floor, True, "floor"), (self.scenario.ceiling, False, "ceiling")):
             if limit is None:
                 continue
             edge = float(np.clip(camera((0.0, limit))[1], top, top + height))
@@ -107,7 +107,7 @@ class Backdrop:
             canvas.clip(camera.view)
             canvas.line([(left, edge), (left + width, edge)], INK, 2.5 * unit)
             place = (left + width - 12 * unit, edge + (16 if below else -16) * unit)
-            canvas.text(word, place, 18 * unit, mix(INK, BAND, 0.7), "midright")
+            canvas.text(label, place, 18 * unit, mix(INK, BAND, 0.7), "midright")
 
     def _hatch(self, canvas: Canvas, area: View) -> None:
         left, top, width, height = area
@@ -120,18 +120,18 @@ class Backdrop:
         unit, start, goal = self.unit, camera(self.scenario.start), camera(self.scenario.goal)
         canvas.ring(start, 8 * unit, FAINT, 2 * unit)
         canvas.disc(start, 3 * unit, FAINT)
-        # The inner circle is the tolerance, unless that is too small to be seen.
+        # The inner circle is the position tolerance, enlarged if it is too small to see.
         radius = max(self.scenario.tolerance.position * camera.scale, 4 * unit)
         canvas.disc(goal, radius + 12 * unit, mix(GOAL, PAPER, 0.14))
         canvas.disc(goal, radius, mix(GOAL, PAPER, 0.4))
         canvas.ring(goal, radius, GOAL, 2 * unit)
         for towards in np.array([(1, 0), (0, 1), (-1, 0), (0, -1)]):
             canvas.line([goal + towards * (radius + 5 * unit), goal + towards * (radius + 12 * unit)], GOAL, 2 * unit)
-        # Words stand beyond the ends, where no flight has to pass; below in doubt.
+        # Labels are on the far side of start and goal, away from the path; below if both are at similar heights.
         down, slack = np.array([0.0, radius + 26 * unit]), 30 * unit
-        for word, place, other, colour in (("start", start, goal, FAINT), ("goal", goal, start, GOAL)):
+        for label, place, other, colour in (("start", start, goal, FAINT), ("goal", goal, start, GOAL)):
             below = other[1] < place[1] + slack
-            canvas.text(word, place + (down if below else -down), 19 * unit, colour, "center")
+            canvas.text(label, place + (down if below else -down), 19 * unit, colour, "center")
 
     def _half_ring(self, canvas: Canvas, camera: Camera, hoop: Hoop, colour: Colour, near: bool, bold: bool) -> None:
         unit, centre, half = self.unit, camera(hoop.centre), hoop.diameter / 2 * camera.scale
@@ -149,7 +149,7 @@ class Backdrop:
         canvas.arrow(centre + 16 * self.unit * along, centre + 42 * self.unit * along, colour, 2.5 * self.unit)
 
     def _badge(self, canvas: Canvas, camera: Camera, i: int, colour: Colour) -> None:
-        """Draw the number beyond the rim; hoops in one place have theirs in a row."""
+        """Draw the number of hoop i beyond its rim; the numbers of hoops at the same place are in a row."""
         hoop, unit = self.scenario.hoops[i], self.unit
         before = sum(math.dist((hoop.x, hoop.z), (other.x, other.z)) < 1e-6 for other in self.scenario.hoops[:i])
         outwards = _on_screen(hoop.across if hoop.across[1] >= -1e-9 else -hoop.across)
@@ -159,5 +159,5 @@ class Backdrop:
 
 
 def _on_screen(direction: Array) -> Array:
-    """Return a direction (2,) as it is seen: the screen's second axis points down."""
+    """Return a direction (2,) in screen axes, whose second points down."""
     return direction * (1, -1)

@@ -1,8 +1,8 @@
-"""A sheet to draw on: smooth lines, discs and words, and a camera from metres to pixels.
+"""A canvas with antialiased lines, discs and text, and a camera from metres to pixels.
 
-Everything is drawn SUPERSAMPLING times as large as it is shown and averaged down, which smooths what the
-primitives leave rough. Sizes and places are told in shown pixels, from the upper left corner, and need not
-be whole. Needs pygame, but neither a display nor a window.
+Everything is drawn SUPERSAMPLING times as large as shown and averaged down, which antialiases all primitives. Sizes and
+positions are in shown pixels from the upper left corner and need not be integers. The module needs pygame, but no
+display or window.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ View: TypeAlias = tuple[float, float, float, float]
 
 SUPERSAMPLING = 2
 RAMP = np.array([(58, 18, 128), (126, 3, 168), (190, 47, 130), (229, 92, 92), (246, 148, 60)], dtype=np.float64)
-"""Colours of the thrust from least to greatest, evenly spaced: even in hue, rising in lightness."""
+"""Colours of the thrust from minimum to maximum, evenly spaced, of increasing lightness."""
 
 
 def ramp(share: float) -> Colour:
-    """Return the colour of a share of the thrust, 0 the least and 1 the greatest."""
+    """Return the colour of a relative thrust, 0 the minimum and 1 the maximum."""
     return _ramp(round(100 * min(max(share, 0.0), 1.0)))
 
 
@@ -41,18 +41,18 @@ def _ramp(percent: int) -> Colour:
 
 
 def mix(colour: Colour, paper: Colour, share: float) -> Colour:
-    """Return a colour as it looks through: `share` of it, the rest paper."""
+    """Return the mixture of a share of `colour` and 1 - share of `paper`."""
     red, green, blue = (round(share * a + (1 - share) * b) for a, b in zip(colour, paper, strict=True))
     return red, green, blue
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Where a point of the world is seen.
+    """The map from world coordinates to pixels.
 
     Attributes:
-        scale: pixels of a metre.
-        look_at: the point (x, z) in the middle of the view [m].
+        scale: pixels per metre.
+        look_at: the point (x, z) at the centre of the view [m].
         view: left, top, width and height of the view [px].
     """
 
@@ -62,13 +62,13 @@ class Camera:
 
     @classmethod
     def fit(cls, box: Array, view: View, padding: float, scale_most: float) -> Camera:
-        """Return the camera that sees a box of least x, least z, greatest x, greatest z [m], away from the edge."""
+        """Return the camera that shows a box (minimum x, minimum z, maximum x, maximum z) [m] with a padding [px]."""
         wide, tall = max(box[2] - box[0], 1e-9), max(box[3] - box[1], 1e-9)
         scale = min((view[2] - 2 * padding) / wide, (view[3] - 2 * padding) / tall, scale_most)
         return cls(float(scale), (float(box[0] + box[2]) / 2, float(box[1] + box[3]) / 2), view)
 
     def __call__(self, points: ArrayLike) -> Array:
-        """Return where points (..., 2) [m] are seen [px], shape (..., 2)."""
+        """Return the pixel coordinates of points (..., 2) [m], shape (..., 2)."""
         left, top, width, height = self.view
         x, z = np.moveaxis(np.asarray(points, dtype=np.float64), -1, 0)
         return np.stack(
@@ -81,15 +81,15 @@ class Camera:
 
     @property
     def seen(self) -> tuple[float, float, float, float]:
-        """Least x, least z, greatest x, greatest z that are seen [m]."""
+        """Minimum x, minimum z, maximum x, maximum z of the view [m]."""
         (x, z), half_x, half_z = self.look_at, self.view[2] / self.scale / 2, self.view[3] / self.scale / 2
         return x - half_x, z - half_z, x + half_x, z + half_z
 
 
 class Canvas:
-    """A sheet of width and height [px]; transparent where nothing is drawn if there is no `paper`.
+    """A drawing surface of width and height [px], transparent if there is no `paper` colour.
 
-    It remembers where it was drawn on, so that a sheet that starts from another is averaged down there only.
+    It tracks the regions drawn on, so that a canvas that starts from another is averaged down in these regions only.
     """
 
     def __init__(self, size: tuple[int, int], paper: Colour | None = None) -> None:
@@ -104,7 +104,7 @@ class Canvas:
         self._start: tuple[Canvas | None, int] = None, 0
 
     def start_from(self, other: Canvas) -> None:
-        """Become a copy of another sheet of the same size."""
+        """Become a copy of another canvas of the same size."""
         start = (other, other._strokes)
         places = self._touched if self._start == start else [self.surface.get_rect()]
         shown = other.shown()
@@ -115,12 +115,12 @@ class Canvas:
         self._touched, self._start, self._averaged = [], start, -1
 
     def put(self, other: Canvas, corner: ArrayLike = (0.0, 0.0), opacity: float = 1.0) -> None:
-        """Lay another sheet on this one."""
+        """Draw another canvas on this one."""
         other.surface.set_alpha(round(255 * opacity))
         self._touch(self.surface.blit(other.surface, _large(corner)))
 
     def line(self, points: ArrayLike, colour: Colour, width: float, smooth: bool = False) -> None:
-        """Draw a line through points (n, 2), with round ends, and round joints where it is not smooth anyway."""
+        """Draw a line through points (n, 2) with round ends, and with round joints unless `smooth`."""
         places, thick = _large(points), max(1, round(width * SUPERSAMPLING))
         for start, end in pairwise(places):
             self._touch(pygame.draw.aaline(self.surface, colour, start, end, thick))
@@ -129,7 +129,7 @@ class Canvas:
                 self._touch(pygame.draw.aacircle(self.surface, colour, place, thick / 2 - 1))
 
     def dashes(self, points: Array, colour: Colour, width: float, dash: float, gap: float) -> None:
-        """Draw a line of dashes [px] through points (n, 2)."""
+        """Draw a dashed line through points (n, 2); lengths in pixels."""
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
         for begin in np.arange(0.0, along[-1], dash + gap):
             end = min(begin + dash, along[-1])
@@ -149,7 +149,7 @@ class Canvas:
         self._touch(pygame.draw.aacircle(self.surface, colour, _large(centre), radius * SUPERSAMPLING))
 
     def ring(self, centre: ArrayLike, radius: float, colour: Colour, width: float) -> None:
-        """Draw a circle whose line is centred on the radius."""
+        """Draw a circle; its line is centred on the radius."""
         thick = max(1, round(width * SUPERSAMPLING))
         outer = radius * SUPERSAMPLING + thick / 2
         self._touch(pygame.draw.aacircle(self.surface, colour, _large(centre), outer, thick))
@@ -161,23 +161,23 @@ class Canvas:
         self._touch(pygame.draw.aalines(self.surface, colour, True, places))
 
     def panel(self, left: float, top: float, width: float, height: float, colour: Colour, round_by: float = 0) -> None:
-        """Fill a rectangle, its corners rounded by a radius."""
+        """Fill a rectangle with corners rounded by a radius."""
         box = pygame.Rect(*_large((left, top)), *_large((width, height)))
         self._touch(pygame.draw.rect(self.surface, colour, box, border_radius=round(round_by * SUPERSAMPLING)))
 
     def text(self, text: str, place: ArrayLike, height: float, colour: Colour, anchor: str = "midleft") -> float:
-        """Write a line of text so that its `anchor`, a name as of pygame's Rect, is at a place; return its width."""
+        """Draw a line of text with its `anchor`, an attribute of pygame.Rect, at a place; return its width [px]."""
         picture = _text(text, round(height * SUPERSAMPLING), colour)
         box = picture.get_rect(**{anchor: tuple(int(v) for v in _large(place))})
         self._touch(self.surface.blit(picture, box))
         return box.width / SUPERSAMPLING
 
     def clip(self, view: View | None) -> None:
-        """Draw only within a view from now on, or everywhere."""
+        """Restrict drawing to a view; None removes the restriction."""
         self.surface.set_clip(None if view is None else pygame.Rect(*(round(v * SUPERSAMPLING) for v in view)))
 
     def shown(self) -> pygame.Surface:
-        """Return the sheet as it is shown; the next call draws over it."""
+        """Return the averaged surface; the next call overwrites it."""
         if self._averaged == self._strokes:
             return self._shown
         self._averaged = self._strokes
@@ -188,11 +188,12 @@ class Canvas:
         return self._shown
 
     def pixels(self) -> Pixels:
-        """Return red, green and blue, shape (height, width, 3)."""
+        """Return the RGB values, shape (height, width, 3)."""
         flat = np.frombuffer(pygame.image.tobytes(self.shown(), "RGB"), dtype=np.uint8)
         return flat.reshape(self.size[1], self.size[0], 3).copy()
 
     def _touch(self, place: pygame.Rect) -> None:
+        """Add a region to those drawn on; overlapping regions are merged."""
         self._strokes += 1
         if place.width == 0 or place.height == 0:
             return
@@ -204,7 +205,7 @@ class Canvas:
 
 
 def _small(place: pygame.Rect, shown: pygame.Surface) -> pygame.Rect:
-    """Return the shown pixels on which a place of the large sheet lies."""
+    """Return the shown pixels that cover a region of the large surface."""
     left, top = place.left // SUPERSAMPLING, place.top // SUPERSAMPLING
     right, bottom = -(-place.right // SUPERSAMPLING), -(-place.bottom // SUPERSAMPLING)
     return pygame.Rect(left, top, right - left, bottom - top).clip(shown.get_rect())
@@ -216,12 +217,13 @@ def text_width(text: str, height: float) -> float:
 
 
 def _large(places: ArrayLike) -> Any:
+    """Return shown pixel coordinates as coordinates of the large surface."""
     return (np.asarray(places, dtype=np.float64) * SUPERSAMPLING).tolist()
 
 
 def _font(height: int) -> pygame.font.Font:
     if not pygame.font.get_init():
-        # Fonts do not outlive somebody's pygame.quit().
+        # pygame.quit() invalidates all fonts.
         pygame.font.init()
         _fonts.cache_clear()
     return _fonts(max(height, 1))

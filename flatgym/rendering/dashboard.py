@@ -1,4 +1,4 @@
-"""What a picture says in words and numbers: above the world the score, below it what the colours mean."""
+"""Text of a picture: the score in a header, the meaning of the colours in a footer."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ from flatgym.rendering.palette import FAILURE, FAINT, GHOST, INK, OUTCOME, PALE,
 from flatgym.scenarios.scenario import Scenario
 
 HEADER, FOOTER = 84.0, 40.0
-"""Heights of the two panels, in units of a picture of 960 x 720."""
+"""Heights of the two panels [px of a picture of 960 x 720]."""
 HEIGHT = HEADER + FOOTER
 COLUMN = 104.0
-"""Width of a number of the header."""
+"""Width of a column of the header [px of a picture of 960 x 720]."""
 RAMP_WIDTH = 150.0
+"""Width of the thrust legend [px of a picture of 960 x 720]."""
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What the header tells: the scenario, steps flown, hoops passed, the outcome, and K* where it is known."""
+    """Content of the header: scenario, steps, hoops passed, outcome, and K* or None."""
 
     scenario: Scenario
     steps: int
@@ -39,7 +40,7 @@ class Reading:
 
 
 def panels(canvas: Canvas, unit: float, scenario: Scenario, with_ghost: bool) -> None:
-    """Draw both panels with what does not change: the scenario's name, and the legend."""
+    """Draw both panels with their constant content: the scenario's name and the legend."""
     width, height = canvas.size
     bottom = height - FOOTER * unit
     canvas.panel(0, 0, width, HEADER * unit, WHITE)
@@ -51,7 +52,7 @@ def panels(canvas: Canvas, unit: float, scenario: Scenario, with_ghost: bool) ->
 
 
 def header(canvas: Canvas, unit: float, reading: Reading) -> None:
-    """Draw the outcome and the numbers."""
+    """Draw outcome and numbers of the header."""
     colour = OUTCOME.get(reading.outcome, FAILURE)
     wide = text_width(reading.outcome, 19 * unit)
     canvas.panel(20 * unit, 52 * unit, wide + 20 * unit, 22 * unit, colour, 11 * unit)
@@ -64,6 +65,7 @@ def header(canvas: Canvas, unit: float, reading: Reading) -> None:
 
 
 def _legend(canvas: Canvas, unit: float, scenario: Scenario, middle: float, with_ghost: bool) -> None:
+    """Draw the thrust scale and the ghost's line at a height `middle` [px]."""
     quadrotor, size = scenario.quadrotor, 18 * unit
     at = 20 * unit
     at += canvas.text("thrust", (at, middle), size, FAINT) + 10 * unit

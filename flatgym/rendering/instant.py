@@ -1,4 +1,4 @@
-"""A flight at an instant, as whoever draws it wants to know it; loads nothing that draws."""
+"""The data of one picture: an episode at an instant, and the region of interest. Independent of pygame."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
 
 MARGIN = 0.7
-"""What is seen beyond start, goal, hoops and ghost [m]."""
+"""Margin around start, goal, hoops and ghost [m]."""
 NEAR = 2.0
-"""Floors and ceilings are seen if they are no farther than this from them [m]."""
+"""Maximum distance from them at which floor and ceiling are shown [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """How a flight stands.
+    """An episode at an instant.
 
     Attributes:
-        states: flown so far, from the start on, shape (k+1, 5).
-        thrusts: of the k steps flown [m/s^2], shape (k,).
-        hoops_passed: how many.
-        outcome: a word of flatgym.OUTCOMES.
-        part: how much of the last step is flown, where it is seen in slow motion; the last state is the one then.
+        states: states from the start on, shape (k+1, 5).
+        thrusts: thrusts of the k steps [m/s^2], shape (k,).
+        hoops_passed: number of hoops passed.
+        outcome: one of flatgym.OUTCOMES.
+        part: elapsed fraction of the last step, for slow motion; the last state belongs to that time.
     """
 
     states: Array
@@ -36,19 +36,19 @@ class Instant:
 
     @property
     def steps(self) -> int:
-        """Steps flown."""
+        """Number of steps."""
         return len(self.thrusts)
 
 
 def between(states: Array, steps: float) -> Array:
-    """Return where a flight (n, 5) is after so many steps, not necessarily whole, or at its end, shape (5,)."""
+    """Return the state of a trajectory (n, 5) after a fractional number of steps, at most its last, shape (5,)."""
     first = min(math.floor(steps), len(states) - 1)
     second, part = min(first + 1, len(states) - 1), steps % 1.0
     return (1 - part) * states[first] + part * states[second]
 
 
 def box_of_interest(scenario: Scenario, ghost: Array | None) -> Array:
-    """Return least x, least z, greatest x, greatest z of what is to be seen [m], shape (4,)."""
+    """Return minimum x, minimum z, maximum x, maximum z of the region to show [m], shape (4,)."""
     rims = [rim for hoop in scenario.hoops for rim in hoop.rims]
     points = np.array([scenario.start, scenario.goal, *rims])
     if ghost is not None:

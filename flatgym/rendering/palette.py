@@ -1,4 +1,4 @@
-"""The colours of the pictures, red, green and blue: a pale paper, and few strong colours that each mean one thing."""
+"""The colours of the pictures as RGB: a pale background and few strong colours, each with one meaning."""
 
 PAPER = (248, 250, 252)
 WHITE = (255, 255, 255)
@@ -11,7 +11,7 @@ GHOST = (84, 110, 150)
 ROTOR = (100, 116, 139)
 GOAL = (22, 148, 84)
 NEXT, AHEAD, PASSED = (37, 99, 235), (125, 138, 158), (110, 186, 146)
-"""Hoops: the one to be passed next, those after it, those passed."""
+"""Colours of hoops: the next one, later ones, passed ones."""
 OUTCOME = {"flying": (71, 85, 105), "goal": GOAL, "time-limit": (180, 120, 10)}
-"""Of the words for how a flight stands; the others are failures."""
+"""Colours of outcomes; all others are failures."""
 FAILURE = (200, 40, 50)

@@ -1,7 +1,6 @@
-"""What a flight looks like: the vehicle, its trail coloured by the thrust, and a ghost to fly against.
+"""Pictures of an episode: the vehicle, its path coloured by thrust, and a ghost for comparison.
 
-The camera sees start, goal, hoops and ghost, and draws back when the vehicle leaves what it sees; so it
-is a function of the flight, and the same flight gives the same picture.
+The camera shows start, goal, hoops, ghost, and all states of the episode. A picture is a function of the episode alone.
 """
 
 from __future__ import annotations
@@ -21,27 +20,27 @@ from flatgym.rendering.palette import GHOST, INK, PALE, PAPER, ROTOR
 from flatgym.scenarios.scenario import Scenario
 
 ROOM = 0.5
-"""What is seen beyond the vehicle [m]."""
+"""Margin around the states of the vehicle [m]."""
 PADDING = 36.0
-"""Room at the edges of the view, for words [px of a picture of 960 x 720]."""
+"""Padding of the view, for labels [px of a picture of 960 x 720]."""
 ARM = 0.2
-"""Half the width of the drawn quadrotor [m], within what is seen well."""
+"""Half the width of the drawn quadrotor [m]; limited to a visible range in pixels."""
 
 
 class Picture:
-    """Pictures of flights through one scenario, all of one size.
+    """Pictures of episodes of one scenario, all of one size.
 
     Args:
-        scenario: what is flown.
+        scenario: the scenario.
         size: width and height [px].
-        k_star: the fewest steps known, or None.
-        ghost: states of another flight, shape (n, 5), or None.
+        k_star: K*, or None.
+        ghost: states of another trajectory, shape (n, 5), or None.
     """
 
     def __init__(self, scenario: Scenario, size: tuple[int, int], k_star: int | None, ghost: Array | None) -> None:
         self.scenario, self.k_star, self.ghost = scenario, k_star, ghost
         self.unit = min(size[0] / 960, size[1] / 720)
-        """Pixels of what is a pixel in a picture of 960 x 720."""
+        """Scale of the picture relative to 960 x 720 pixels."""
         self.view = (0.0, dashboard.HEADER * self.unit, float(size[0]), size[1] - dashboard.HEIGHT * self.unit)
         self.box = box_of_interest(scenario, ghost)
         self.canvas, self.backdrop = Canvas(size, PAPER), Backdrop(scenario, self.unit)
@@ -49,14 +48,14 @@ class Picture:
         self._drawn: tuple[Camera, int, bool] | None = None
 
     def camera(self, states: Array) -> Camera:
-        """Return the camera that sees what is of interest and all states (n, 5)."""
+        """Return the camera that shows the region of interest and all states (n, 5)."""
         low, high = states[:, 0:2].min(axis=0) - ROOM, states[:, 0:2].max(axis=0) + ROOM
         box = np.concatenate([np.minimum(self.box[0:2], low), np.maximum(self.box[2:4], high)])
         camera = Camera.fit(box, self.view, padding=PADDING * self.unit, scale_most=150 * self.unit)
         return self._on_the_ground(camera, box)
 
     def _on_the_ground(self, camera: Camera, box: Array) -> Camera:
-        """Return the camera moved so that the room there is to spare is not spent on a floor, or a ceiling."""
+        """Return the camera shifted so that spare height is not spent below a floor or above a ceiling."""
         (x, _), floor, ceiling = camera.look_at, self.scenario.floor, self.scenario.ceiling
         half = (self.view[3] / 2 - PADDING * self.unit) / camera.scale
         seen = [limit is not None and box[1] < limit < box[3] for limit in (floor, ceiling)]
@@ -67,7 +66,7 @@ class Picture:
         return camera
 
     def draw(self, instant: Instant, with_ghost: bool = True) -> Canvas:
-        """Return the sheet with the flight as it stands; the next call draws over it."""
+        """Return the canvas with the episode at an instant; the next call overwrites it."""
         camera, canvas, ghost = self.camera(instant.states), self.canvas, self.ghost if with_ghost else None
         wanted = camera, instant.hoops_passed, ghost is not None
         if self._drawn != wanted:
@@ -86,7 +85,7 @@ class Picture:
         return canvas
 
     def pixels(self, instant: Instant, with_ghost: bool = True) -> Pixels:
-        """Return the picture as red, green and blue, shape (height, width, 3)."""
+        """Return the picture as RGB values, shape (height, width, 3)."""
         return self.draw(instant, with_ghost).pixels()
 
     def _thrust_colour(self, thrust: float) -> Colour:
@@ -124,7 +123,7 @@ class Picture:
 
 
 def quadrotor(canvas: Canvas, centre: Array, theta: float, arm: float, body: Colour, rotor: Colour) -> None:
-    """Draw the vehicle: an arm of half a width [px] with two rotors, a hub and its legs, tilted by theta."""
+    """Draw the vehicle tilted by theta: an arm of half width `arm` [px], two rotors, a hub and legs."""
     right, up = np.array([np.cos(theta), np.sin(theta)]), np.array([np.sin(theta), -np.cos(theta)])
 
     def at(*points: tuple[float, float]) -> Array:

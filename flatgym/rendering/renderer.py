@@ -1,9 +1,9 @@
-"""Pictures of flights: as arrays, in a window, and as videos.
+"""Rendering of episodes: as arrays, in a window, and as videos.
 
     renderer = Renderer(scenario, "rgb_array", k_star=70, ghost=ghost_states("hoop"))
     pixels = renderer.draw(states, thrusts, hoops_passed, outcome)
 
-Arrays need no display. pygame, imageio and what draws with them are loaded when they are first needed.
+Arrays need no display. pygame and imageio are imported on first use.
 """
 
 from __future__ import annotations
@@ -29,21 +29,22 @@ if TYPE_CHECKING:
     from flatgym.rendering.picture import Picture
 
 SIZE = (960, 720)
-"""Width and height of a picture unless told otherwise [px]."""
+"""Default width and height of a picture [px]."""
 SIZE_LEAST = 64
+"""Minimum width and height of a picture [px]."""
 MODES = ("human", "rgb_array")
 VIDEOS = (".mp4", ".gif")
 
 
 def load_pygame() -> None:
-    """Import pygame without its greeting; an ImportError names the extra where it is missing."""
+    """Import pygame without its greeting; an ImportError names the extra if it is not installed."""
     require("render", "pygame")
     with contextlib.redirect_stdout(io.StringIO()):
         import pygame  # noqa: F401
 
 
 def check_mode(mode: str | None) -> None:
-    """Raise a ValueError for a mode that is none, and an ImportError where pygame is missing."""
+    """Raise a ValueError for an unknown render mode, and an ImportError if pygame is not installed."""
     if mode is None:
         return
     if mode not in MODES:
@@ -52,17 +53,17 @@ def check_mode(mode: str | None) -> None:
 
 
 class Renderer:
-    """Draws flights through one scenario.
+    """Draws episodes of one scenario.
 
     Args:
-        scenario: what is flown.
-        mode: "rgb_array" returns pictures, "human" shows them in a window at the pace of the flight.
-        k_star: the fewest steps known, or None.
-        ghost: states of a flight to draw beside, one each step, shape (n, 5), or None.
+        scenario: the scenario.
+        mode: "rgb_array" returns pictures, "human" shows them in a window in real time.
+        k_star: K*, or None.
+        ghost: states of another trajectory to draw, one for each step, shape (n, 5), or None.
         size: width and height of the pictures [px].
 
     Attributes:
-        is_open: False once the window was closed; nothing is drawn and no time is waited from then on.
+        is_open: False after the window was closed; nothing is drawn then.
     """
 
     def __init__(
@@ -84,7 +85,7 @@ class Renderer:
         self._window = Window("FlatQuad", size, 1 / scenario.dt) if mode == "human" else None
 
     def set_scenario(self, scenario: Scenario, k_star: int | None = None, ghost: Array | None = None) -> None:
-        """Draw flights through another scenario from now on; the same again costs nothing."""
+        """Switch to another scenario; setting the same scenario again costs nothing."""
         from flatgym.rendering.picture import Picture
 
         shown = self.picture
@@ -94,16 +95,16 @@ class Renderer:
     def draw(
         self, states: Array, thrusts: ArrayLike, hoops_passed: int = 0, outcome: str = "flying"
     ) -> NDArray[np.uint8] | None:
-        """Draw a flight as it stands.
+        """Draw an episode at an instant.
 
         Args:
-            states: flown so far, from the start on, shape (k+1, 5).
-            thrusts: of the k steps flown [m/s^2], shape (k,).
-            hoops_passed: how many.
-            outcome: a word of flatgym.OUTCOMES.
+            states: states from the start on, shape (k+1, 5).
+            thrusts: thrusts of the k steps [m/s^2], shape (k,).
+            hoops_passed: number of hoops passed.
+            outcome: one of flatgym.OUTCOMES.
 
         Returns:
-            Red, green and blue, shape (height, width, 3); None in a window.
+            RGB values, shape (height, width, 3); None in mode "human".
         """
         if not self.is_open:
             return None
@@ -117,22 +118,22 @@ class Renderer:
         return None
 
     def close(self) -> None:
-        """Close the window; again has no effect."""
+        """Close the window; may be called again."""
         self.is_open = False
         if self._window is not None:
             self._window.close()
 
 
 class Window:
-    """A window of its own, so that several environments can show theirs side by side.
+    """A separate window; several environments can have one each.
 
     Args:
-        title: what stands above it.
+        title: its title.
         size: width and height [px].
-        frames_per_second: the pace of `show`; 0 does not wait.
+        frames_per_second: maximum rate of `show`; 0 is unlimited.
 
     Raises:
-        OSError: where there is no display.
+        OSError: without a display.
     """
 
     def __init__(self, title: str, size: tuple[int, int], frames_per_second: float) -> None:
@@ -153,7 +154,7 @@ class Window:
         self._clock.tick(self.frames_per_second)
 
     def close_requested(self) -> bool:
-        """Return whether somebody has asked to close this window; others' requests are left to them."""
+        """Return whether the user has asked to close this window; requests for other windows stay in the queue."""
         import pygame
 
         pygame.event.pump()
@@ -166,14 +167,14 @@ class Window:
         return any(event.window is self._window for event in asked)
 
     def close(self) -> None:
-        """Close the window; again has no effect."""
+        """Close the window; may be called again."""
         if self._window is not None:
             self._window.destroy()
             self._window = None
 
 
 def check_ghost(ghost: ArrayLike) -> Array:
-    """Return the states of a ghost as floats, shape (n, 5); a ValueError for other shapes and what is not finite."""
+    """Return the states of a ghost as float64, shape (n, 5); a ValueError for other shapes and nonfinite values."""
     states = numbers("the ghost", ghost).astype(np.float64)
     if states.ndim != 2 or states.shape[1] != 5 or len(states) == 0:
         raise ValueError(f"the ghost must be states [x, z, vx, vz, theta] of shape (K+1, 5), got shape {states.shape}")
@@ -183,15 +184,16 @@ def check_ghost(ghost: ArrayLike) -> Array:
 
 
 def write_video(path: str | Path, frames: Iterable[NDArray[np.uint8]], fps: float = 50.0) -> Path:
-    """Write pictures as an .mp4 or .gif file, whole or not at all.
+    """Write pictures to an .mp4 or .gif file, atomically.
 
     Args:
-        path: the file; its ending chooses the format.
-        frames: pictures of one size, each of shape (height, width, 3).
-        fps: pictures a second; a GIF shows at most 50.
+        path: the file; its suffix selects the format. Its folder is created if it does not exist.
+        frames: pictures of equal size, each of shape (height, width, 3).
+        fps: frames per second; at most 50 in a GIF.
 
     Raises:
-        ValueError: for another ending, or no frames.
+        ValueError: for another suffix, and without frames.
+        ImportError: if the extra "render" is not installed.
     """
     path = Path(path)
     if path.suffix not in VIDEOS:
@@ -203,6 +205,7 @@ def write_video(path: str | Path, frames: Iterable[NDArray[np.uint8]], fps: floa
 
 
 def _write_frames(path: Path, frames: Iterable[NDArray[np.uint8]], fps: float) -> None:
+    """Write pictures to a file; a ValueError without frames."""
     import imageio.v2 as imageio
 
     options: dict[str, Any] = (

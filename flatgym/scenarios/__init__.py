@@ -1,1 +1,1 @@
-"""What is flown: scenarios, distributions of them, disturbances, and the best-known solutions."""
+"""Scenarios, distributions of scenarios, disturbances, and the best-known solutions."""

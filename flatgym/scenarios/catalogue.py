@@ -1,4 +1,4 @@
-"""The named scenarios of the benchmark, and the way from a name to a Scenario."""
+"""The named scenarios of the benchmark, and the lookup by name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flatgym.scenarios.scenario import Hoop, Scenario
 ScenarioLike: TypeAlias = str | Scenario
 """A name of SCENARIOS, a scenario as a JSON text, or a Scenario."""
 Problem: TypeAlias = Scenario | Distribution
-"""What an environment can fly."""
+"""Tasks of an environment."""
 ProblemLike: TypeAlias = str | Problem
 """A name of SCENARIOS or DISTRIBUTIONS, a scenario as a JSON text, a Scenario or a Distribution."""
 
@@ -32,8 +32,8 @@ _NAMED = (
         (9.0, 0.0),
         hoops=(Hoop(2.5, 1.5, 0.5), Hoop(5.0, -1.5, 0.5), Hoop(7.5, 1.5, 0.5)),
     ),
-    # Four gaps on a circle, each flown along the tangent: whoever passes them in order has
-    # flown a full vertical loop before the first gap lets him through again.
+    # Four gaps on a circle, each passed along the tangent: passing them in order is a full vertical loop, after which
+    # the first gap is passed again.
     Scenario(
         "loop",
         (0.0, 0.0),
@@ -55,25 +55,25 @@ DEFAULT_SCENARIO = "hoop"
 
 
 def scenario(name: ScenarioLike) -> Scenario:
-    """Return the named scenario; a Scenario is returned as it is, a JSON text of one is read.
+    """Return the named scenario; a Scenario is returned as it is, a JSON text is parsed.
 
-    JSON texts let environment specifications, which must be plain data, carry any scenario.
+    JSON texts let Gymnasium environment specifications, which must be plain data, hold any scenario.
 
     Raises:
-        ValueError: for an unknown name, listing the known ones and the nearest, and for a distribution.
-        TypeError: for anything that is neither a name nor a Scenario.
+        ValueError: for an unknown name, with the known names and the closest one, and for a distribution.
+        TypeError: for other types.
     """
     found = problem(name)
     if isinstance(found, Distribution):
         raise ValueError(
-            f"{found.name!r} is a distribution of scenarios; draw one: "
+            f"{found.name!r} is a distribution of scenarios; sample one: "
             f"flatgym.DISTRIBUTIONS[{found.name!r}].scenario(seed, episode)"
         )
     return found
 
 
 def problem(name: ProblemLike) -> Problem:
-    """Return the named scenario or distribution, as `scenario` does."""
+    """Return the named scenario or distribution; arguments and errors as for `scenario`."""
     if isinstance(name, (Scenario, Distribution)):
         return name
     if not isinstance(name, str):

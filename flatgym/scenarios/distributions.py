@@ -1,7 +1,7 @@
-"""Scenarios drawn at random: the scene of an episode is a function of its seed and its number.
+"""Distributions of scenarios: the scenario of an episode is a function of its seed and number.
 
-The goal is uniform in a square around the start, beyond a least distance; hoops stand in equal spacing on
-the way, displaced to the side and turned by a random angle.
+The goal is uniform in a square around the start, outside a minimum distance. Hoops are equally spaced on the line to
+the goal, displaced sideways and rotated by random amounts.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from flatgym.scenarios.scenario import Hoop, Scenario, Tolerance, steps_within
 from flatgym.validation import number, pair, positive
 
 TRIES = 4
-"""Goals drawn until one is far enough; should none be, the last is moved outwards."""
+"""Maximum number of goals sampled until one is far enough; after that, the last is moved outwards."""
 HOOPS_MOST = 8
-"""Most hoops of a drawn scenario."""
+"""Maximum number of hoops of a sampled scenario."""
 PLACED, PER_HOOP = 3, 4
-"""Numbers a drawn scene begins with (goal x, goal z, hoops), and numbers for each hoop (x, z, angle, diameter)."""
+"""Layout of a sampled scene: goal x, goal z, number of hoops; then x, z, angle, diameter of each hoop."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +30,14 @@ class Distribution:
     """Scenarios from the origin to a random goal, through a random number of hoops.
 
     Attributes:
-        name: what to call it; its scenarios are called name-seed-episode.
-        half_width: half the width of the square of goals around the start [m].
-        least_distance: least distance of the goal [m].
-        hoops: least and greatest number of hoops.
-        aside: greatest displacement of a hoop to either side, as a share of the spacing of the hoops.
-        turn: greatest angle between a hoop's direction and the way [rad].
-        diameter: least and greatest width of a gap [m].
-        quadrotor, tolerance, dt, time_limit: as in Scenario, shared by all that is drawn.
+        name: its name; its scenarios are called name-seed-episode.
+        half_width: half the width of the square of goals [m].
+        least_distance: minimum distance of the goal [m].
+        hoops: minimum and maximum number of hoops.
+        aside: maximum sideways displacement of a hoop, as a fraction of the hoop spacing.
+        turn: maximum angle between a hoop's direction and the line to the goal [rad].
+        diameter: minimum and maximum width of a gap [m].
+        quadrotor, tolerance, dt, time_limit: as in Scenario, shared by all scenarios.
 
     Raises:
         ValueError: naming the field, its value and what is allowed.
@@ -70,7 +70,7 @@ class Distribution:
                 f"Distribution.least_distance must lie above tolerance.position = {self.tolerance.position} m and not "
                 f"above half_width = {self.half_width} m, got {self.least_distance}"
             )
-        self.scenario(0, 0)  # vehicle, dt and time limit must make a scenario
+        self.scenario(0, 0)  # validates vehicle, dt and time limit
 
     def _check_hoops(self) -> None:
         low, high = pair("Distribution", "hoops", self.hoops)
@@ -90,16 +90,16 @@ class Distribution:
 
     @property
     def farthest(self) -> float:
-        """No hoop is farther from the start [m]."""
+        """An upper bound of the distance of goal and hoops from the start [m]."""
         return self.half_width * math.sqrt(2) * (1 + abs(self.aside))
 
     @property
     def max_steps(self) -> int:
-        """The number of steps after which a flight is truncated."""
+        """Time limit in steps."""
         return steps_within(self.time_limit, self.dt)
 
     def scenario(self, seed: int, episode: int = 0) -> Scenario:
-        """Return the scenario of an episode: that of `gym.make(...)` seeded with `seed`, `episode` resets later."""
+        """Return the scenario of an episode: that of an environment seeded with `seed`, after `episode` more resets."""
         row = self.draw(np.array([seed], dtype=np.uint64), np.array([episode], dtype=np.uint64))[0]
         hoops = row[PLACED : PLACED + PER_HOOP * int(row[2])].reshape(-1, PER_HOOP).tolist()
         return Scenario(
@@ -114,7 +114,7 @@ class Distribution:
         )
 
     def draw(self, seed: Any, episode: Any) -> Array:
-        """Return the scenes of n episodes as `write_scene` lays them down, shape (n, PLACED + PER_HOOP most).
+        """Return the scenes of n episodes as `write_scene` writes them, shape (n, PLACED + PER_HOOP * hoops[1]).
 
         Args:
             seed, episode: uint64, shape (n,).
@@ -127,7 +127,7 @@ class Distribution:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """What `write_scene` wants to know, as numbers."""
+        """The parameters of `write_scene`, shape (8,)."""
         return (
             self.half_width,
             self.least_distance,
@@ -140,14 +140,14 @@ class Distribution:
 
 
 def uniforms_needed(hoops: int) -> int:
-    """Return how many uniform numbers a scene with up to so many hoops takes."""
+    """Return the number of uniform numbers for a scene with up to this many hoops."""
     return 2 * TRIES + 1 + 3 * hoops
 
 
 def write_scene(u: Any, numbers: Any, scene: Any) -> None:
-    """Write a scene, rows as PLACED and PER_HOOP say, from uniform numbers u, shape (draws, ...), elementwise.
+    """Write a scene in the layout of PLACED and PER_HOOP from uniform numbers u, shape (draws, ...), elementwise.
 
-    Written without branches, so that the same lines serve arrays and the compiled kernel.
+    Branch-free, so that the same code serves NumPy arrays and the compiled kernel.
     """
     half, least, fewest, most, aside, turn, narrow, wide = numbers
     x, z = half * (2 * u[0] - 1), half * (2 * u[1] - 1)
@@ -155,7 +155,7 @@ def write_scene(u: Any, numbers: Any, scene: Any) -> None:
         near = 1.0 * (x * x + z * z < least * least)
         x = (1 - near) * x + near * half * (2 * u[2 * i] - 1)
         z = (1 - near) * z + near * half * (2 * u[2 * i + 1] - 1)
-    # Here, once in many millions, a goal that is still too near; the 1e-300 is for one on the start itself.
+    # About once in many millions the goal is still too near. The 1e-300 avoids 0/0 for a goal on the start itself.
     way = np.sqrt(x * x + z * z)
     far = np.maximum(way, least)
     x, z = x * far / np.maximum(way, 1e-300), z * far / np.maximum(way, 1e-300)

@@ -1,8 +1,8 @@
-"""What an episode may have against the vehicle: wind, a wrong thrust gain, a wrong mass, delay, sensor noise.
+"""Disturbances: wind, errors of thrust gain and mass, action delay, sensor noise.
 
-All are off by default, all are drawn once an episode from its seed (`flatgym.scenarios.counter_rng`), except the noise,
-which is drawn once a step. Wind is a constant force on the vehicle, so the exact step stays exact: with f the
-commanded thrust and m the mass relative to the nominal one,
+All are off by default. Each is sampled once an episode from its seed (`flatgym.scenarios.counter_rng`); sensor noise is
+sampled at every step. Wind is a constant force, so the closed-form step remains exact. With f the commanded thrust and
+m the mass relative to the nominal one,
 
     x'' = (gain / m) f sin(theta) + wind_x / m,   z'' = (gain / m) f cos(theta) + wind_z / m - g.
 """
@@ -25,16 +25,16 @@ DELAY_MAX = 50
 
 @dataclass(frozen=True)
 class Disturbances:
-    """How strong each disturbance may be; 0 is off.
+    """Strengths of the disturbances; 0 is off.
 
     Attributes:
-        wind: greatest acceleration of the nominal vehicle by the wind [m/s^2]; direction uniform, strength uniform in
+        wind: maximum acceleration of the nominal vehicle by the wind [m/s^2]; direction uniform, strength uniform in
             [0, wind].
-        thrust_gain: thrust is multiplied by a factor uniform in [1 - thrust_gain, 1 + thrust_gain].
-        mass: the mass is the nominal one times a factor uniform in [1 - mass, 1 + mass].
-        action_delay: each action is carried out 0 to `action_delay` steps late [steps], the vehicle hovering before
-            the first; the number is the same throughout an episode.
-        sensor_noise: standard deviation of the measured position [m], velocity [m/s] and tilt [rad] in observations.
+        thrust_gain: the thrust is multiplied by a factor uniform in [1 - thrust_gain, 1 + thrust_gain].
+        mass: the mass is the nominal mass times a factor uniform in [1 - mass, 1 + mass].
+        action_delay: maximum delay of the actions [steps]; uniform in 0..action_delay, constant over an episode. The
+            vehicle hovers before the first action acts.
+        sensor_noise: standard deviation of the observed position [m], velocity [m/s] and tilt [rad].
 
     Raises:
         ValueError: naming the field, its value and what is allowed.
@@ -64,7 +64,7 @@ class Disturbances:
         return {name: value for name, value in asdict(self).items() if value}
 
     def draw(self, seed: Any, episode: Any) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Return thrust factors (n,), accelerations by the wind (n, 2) [m/s^2] and delays (n,) [steps] of n episodes.
+        """Return thrust factors (n,), wind accelerations (n, 2) [m/s^2] and delays (n,) [steps] of n episodes.
 
         Args:
             seed, episode: uint64, shape (n,).
@@ -75,17 +75,17 @@ class Disturbances:
         return out[0], np.stack([out[1], out[2]], axis=-1), out[3].astype(np.int64)
 
     def noise(self, seed: Any, episode: Any, step: Any) -> Array:
-        """Return the errors of the measured states, shape (n, 5); seeds, episodes and steps are uint64, shape (n,)."""
+        """Return the sensor noise of the states, shape (n, 5); arguments are uint64, shape (n,)."""
         first = np.uint64(NOISE) + step * np.uint64(10)
         errors = [normal(seed, episode, first + np.uint64(2 * i)) for i in range(5)]
         return self.sensor_noise * np.stack(errors, axis=-1)
 
 
 def write_disturbances(u: Any, wind: Any, thrust_gain: Any, mass: Any, delay: Any, out: Any) -> None:
-    """Write thrust factor, acceleration by the wind (x, z) and delay to `out` (4, ...) from uniform u (5, ...)."""
-    heavy = 1 + mass * (2 * u[0] - 1)
-    out[0] = (1 + thrust_gain * (2 * u[1] - 1)) / heavy
-    strength, angle = wind * u[2] / heavy, 2 * np.pi * u[3]
+    """Write thrust factor, wind acceleration (x, z) and delay to `out` (4, ...) from uniform numbers u (5, ...)."""
+    relative_mass = 1 + mass * (2 * u[0] - 1)
+    out[0] = (1 + thrust_gain * (2 * u[1] - 1)) / relative_mass
+    strength, angle = wind * u[2] / relative_mass, 2 * np.pi * u[3]
     out[1] = strength * np.cos(angle)
     out[2] = strength * np.sin(angle)
     out[3] = np.floor(u[4] * (delay + 1))

@@ -1,13 +1,13 @@
-"""What is known of the named scenarios: K*, T*, their proven bounds, and a flight in K* steps.
+"""Best-known solutions: K*, T*, their proven bounds, and a trajectory of K* steps.
 
     table = reference("hoop")
     table.k_star, table.proven, table.time, table.time_lower_bound
-    ghost_states("hoop")    # the K*-flight, to fly against
-    drawn_k_star("random-goal", seeds).k_star    # of the scenarios that scores are flown on
+    ghost_states("hoop")    # states of the K*-step solution
+    drawn_k_star("random-goal", seeds).k_star    # of the sampled scenarios used for evaluation
 
-The numbers stand in `reference.json` beside this file, so that a score needs no solver; `python -m
-experiments.measurements.reference_table` computes them. They belong to the very scenarios of SCENARIOS and DISTRIBUTIONS:
-whoever changes so much as a tolerance has to ask `optimal`.
+The numbers are stored in `reference.json` beside this file, so scores need no solver.
+`python -m experiments.measurements.reference_table` computes them. They hold for exactly the scenarios of SCENARIOS and
+DISTRIBUTIONS. For any other scenario, even with another tolerance only, use the package `optimal`.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from flatgym.scenarios.distributions import DISTRIBUTIONS
 from flatgym.scenarios.scenario import Scenario
 
 SCHEMA = 2
-"""Version of `reference.json`; another is refused."""
+"""Version of `reference.json`; others are rejected."""
 FILE = "reference.json"
 EVALUATION_SEED = 1_000_000
-"""Seed of the first drawn scenario that scores are flown on; training keeps to smaller ones."""
+"""First seed of the evaluation episodes; training uses smaller seeds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What is known of one named scenario.
+    """The best-known solution of one named scenario.
 
     Attributes:
-        scenario: its name.
-        k_star: K*, the fewest environment steps in which a flight is known.
-        k_lower_bound: no flight whatever takes fewer steps.
-        proven: whether the two agree.
-        time: T*, the fastest flight known in continuous time, exactly rest to rest [s].
-        time_lower_bound: no such flight is faster [s].
-        winding: whole turns of the K*-flight.
-        actions: the K*-flight as the environment's actions, float32, read-only, shape (K*, 2).
+        scenario: name of the scenario.
+        k_star: K*, the fewest environment steps of any known solution.
+        k_lower_bound: proven lower bound of the steps of any solution.
+        proven: whether the two are equal.
+        time: T*, the shortest known time of a continuous-time solution, exactly rest to rest [s].
+        time_lower_bound: proven lower bound of that time [s].
+        winding: whole turns of theta in the K*-step solution.
+        actions: actions of the K*-step solution, float32, read-only, shape (K*, 2).
     """
 
     scenario: str
@@ -60,7 +60,7 @@ class Reference:
 
     @classmethod
     def of(cls, row: dict[str, Any]) -> Reference:
-        """Return a row of the file as a value."""
+        """Return the solution stored in one row of the file."""
         actions = np.array(row["actions"], dtype=np.float32)
         actions.setflags(write=False)
         return cls(
@@ -75,46 +75,46 @@ class Reference:
         )
 
     def gap(self, steps: float) -> float:
-        """Return how many more steps than K* a flight took, relatively."""
+        """Return steps / K* - 1."""
         return steps / self.k_star - 1
 
 
 def reference(problem: ProblemLike) -> Reference | None:
-    """Return what is known of a scenario, or None where it is not exactly one of SCENARIOS.
+    """Return the best-known solution of a scenario, or None if it is not exactly one of SCENARIOS.
 
     Raises:
-        ValueError: for an unknown name, listing the known ones.
+        ValueError: for an unknown name, with the known names.
     """
     found = catalogue.problem(problem)
     named = SCENARIOS.get(found.name)
-    # Mostly it is the very same; to compare all fields would take longer than a step of one flight.
+    # Usually it is the same object; comparing all fields takes longer than a step of the scalar environment.
     if named is None or (named is not found and named != found):
         return None
     return _table().get(found.name)
 
 
 def ghost_states(problem: ProblemLike) -> Array:
-    """Return the states of the flight in K* steps, from start to goal, read-only, shape (K*+1, 5).
+    """Return the states of the K*-step solution, from start to goal, read-only, shape (K*+1, 5).
 
     Raises:
-        ValueError: where no flight is stored.
+        ValueError: if no solution is stored for the scenario.
     """
     found = reference(problem)
     if found is None:
         raise ValueError(
-            f"no flight in K* steps is stored for {catalogue.problem(problem).name!r}, only for the scenarios of "
+            f"no K*-step solution is stored for {catalogue.problem(problem).name!r}, only for the scenarios of "
             f"flatgym.SCENARIOS as they are; give states of shape (K+1, 5) instead, as "
             f"optimal.fewest_steps(scenario).states has them"
         )
-    return _flown(found.scenario)
+    return _states(found.scenario)
 
 
 class Drawn(NamedTuple):
-    """What is known of drawn scenarios; NaN where nothing is.
+    """K* of sampled scenarios and its lower bound; NaN where unknown.
 
     Attributes:
-        k_star: the fewest environment steps in which a flight is known, shape (n,).
-        k_lower_bound: no flight whatever takes fewer steps, shape (n,).
+        k_star: the fewest environment steps of any known solution, shape (n,).
+        k_lower_bound: proven lower bound of the steps of any solution, shape (n,).
     """
 
     k_star: Array
@@ -122,16 +122,16 @@ class Drawn(NamedTuple):
 
     @property
     def proven(self) -> NDArray[np.bool_]:
-        """Whether the two are known and agree, shape (n,)."""
+        """Whether the two are known and equal, shape (n,)."""
         return np.equal(self.k_star, self.k_lower_bound)
 
 
 def drawn_k_star(problem: ProblemLike, seeds: ArrayLike) -> Drawn:
-    """Return what is known of the scenarios `distribution.scenario(seed)`.
+    """Return K* of the scenarios `distribution.scenario(seed)`.
 
     Args:
-        problem: a distribution or its name; nothing is known but of those of DISTRIBUTIONS as they are.
-        seeds: whole numbers, shape (n,); known from EVALUATION_SEED on.
+        problem: a distribution or its name; K* is known for unchanged members of DISTRIBUTIONS only.
+        seeds: integers, shape (n,); K* is known for seeds from EVALUATION_SEED on.
     """
     found, seeds = catalogue.problem(problem), np.asarray(seeds)
     known = np.full((2, len(seeds)), np.nan)
@@ -144,11 +144,11 @@ def drawn_k_star(problem: ProblemLike, seeds: ArrayLike) -> Drawn:
 
 
 def k_star_of(problem: ProblemLike, seeds: ArrayLike) -> Array:
-    """Return K* of the first episodes of n seeds, shape (n,); NaN where none is known.
+    """Return K* of the first episodes of n seeds, shape (n,); NaN where unknown.
 
     Args:
         problem: a scenario or distribution, or its name.
-        seeds: whole numbers, shape (n,); of a scenario all have the same.
+        seeds: integers, shape (n,); for a scenario, K* does not depend on them.
     """
     found, seeds = catalogue.problem(problem), np.asarray(seeds)
     if not isinstance(found, Scenario):
@@ -158,32 +158,33 @@ def k_star_of(problem: ProblemLike, seeds: ArrayLike) -> Array:
 
 
 @lru_cache
-def _flown(name: str) -> Array:
+def _states(name: str) -> Array:
+    """Return the states of the K*-step solution of a named scenario, read-only, shape (K*+1, 5)."""
     scenario = SCENARIOS[name]
     states = [scenario.start_state]
     for control in scenario.quadrotor.control(_table()[name].actions):
         states.append(scenario.quadrotor.step(states[-1], control, scenario.dt))
-    flown = np.array(states)
-    flown.setflags(write=False)
-    return flown
+    result = np.array(states)
+    result.setflags(write=False)
+    return result
 
 
 @lru_cache
 def _draws(name: str) -> tuple[int, Array]:
-    """Return the first seed of a distribution's known draws, and their K* and its lower bound, shape (2, n)."""
+    """Return the first stored seed of a distribution, and K* and its lower bound from there on, shape (2, n)."""
     row = _data()["draws"][name]
     return row["first_seed"], np.array([row["k_star"], row["k_lower_bound"]], dtype=np.float64)
 
 
 @lru_cache
 def _table() -> dict[str, Reference]:
-    """Return all rows by the scenario's name."""
+    """Return the best-known solutions by scenario name."""
     return {row["scenario"]: Reference.of(row) for row in _data()["references"]}
 
 
 @lru_cache
 def _data() -> dict[str, Any]:
-    """Return what the file holds; read once."""
+    """Return the content of the file; read once."""
     data: dict[str, Any] = json.loads(files("flatgym.scenarios").joinpath(FILE).read_text(encoding="utf-8"))
     if data.get("schema") != SCHEMA:
         raise ValueError(f"flatgym/scenarios/{FILE} has schema {data.get('schema')!r}, this version reads {SCHEMA}")

@@ -1,7 +1,7 @@
-"""A task as a value: where to fly, through what, within what, and what counts as arrived.
+"""A task as a value: start and goal, hoops, height limits, vehicle, tolerance, time step and time limit.
 
-A Scenario is frozen and validated, compares by value, and round-trips through JSON. Invalid
-values raise a ValueError that names the field, the value, and what is allowed.
+A Scenario is frozen and validated, compares by value, and round-trips through JSON. Invalid values raise a ValueError
+that names the field, the value, and what is allowed.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from flatgym.quadrotor import Array, Quadrotor
 from flatgym.validation import number, point, positive
 
 BOUNDS_MARGIN = 5.0
-"""How far beyond everything a scenario names a flight may stray before it is out of bounds [m]."""
+"""Distance of the bounds from the bounding box of start, goal and hoop centres [m]."""
 LIFT_LEAST = 1e-6
-"""What thrust_max must exceed gravity by, as times of flight and rewards would be infinite else [m/s^2]."""
+"""Minimum of thrust_max - gravity [m/s^2]; without it, flight times and rewards would be infinite."""
 STEPS_MOST = 1_000_000
-"""Most steps of a flight."""
+"""Maximum number of steps of a time limit."""
 
 
 def steps_within(time_limit: float, dt: float) -> int:
-    """Return the number of steps of dt [s] after which a flight is truncated; a ValueError for none or too many."""
+    """Return the time limit in steps of dt [s]; a ValueError for less than one step and more than STEPS_MOST."""
     if not dt <= time_limit <= STEPS_MOST * dt:
         raise ValueError(
             f"Scenario.time_limit must be at least dt = {dt} and at most {STEPS_MOST} dt = {STEPS_MOST * dt} s, "
@@ -37,13 +37,12 @@ def steps_within(time_limit: float, dt: float) -> int:
 
 @dataclass(frozen=True)
 class Hoop:
-    """A gap to fly through: passed when the path crosses it in its direction.
+    """A gap; it is passed when the path crosses it in its direction.
 
     Attributes:
         x, z: centre of the gap [m].
         diameter: width of the gap [m].
-        angle: direction of passage, from +x towards +z [rad]; 0 is the paper's vertical hoop,
-            flown left to right.
+        angle: direction of passage, from +x towards +z [rad]; 0 is the paper's vertical hoop, passed left to right.
     """
 
     x: float
@@ -68,27 +67,27 @@ class Hoop:
 
     @property
     def rims(self) -> Array:
-        """Both ends of the gap [m], shape (2, 2): against `across` first."""
+        """Both ends of the gap [m], shape (2, 2): first the end at -`across`, then the one at +`across`."""
         return self.centre + np.outer([-0.5, 0.5], self.diameter * self.across)
 
     def half_gap(self, radius: float = 0.0) -> float:
-        """Return how far from the centre of the gap a body of that radius [m] may cross it [m]."""
+        """Return the maximum distance from the gap's centre at which a body of that radius [m] can cross it [m]."""
         return self.diameter / 2 - radius
 
     @property
     def across(self) -> Array:
-        """Unit vector along the gap, `direction` turned a quarter from +x to +z, shape (2,)."""
+        """Unit vector along the gap: `direction` rotated by pi/2 from +x to +z, shape (2,)."""
         return np.array([-math.sin(self.angle), math.cos(self.angle)])
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """What counts as arrived: |p - goal| <= position, |v| <= speed, theta near a whole turn.
+    """The goal set: |p - goal| <= position, |v| <= speed, theta within `angle` of a multiple of 2 pi.
 
     Attributes:
-        position: distance to the goal [m].
-        speed: speed [m/s].
-        angle: distance of theta to the nearest multiple of 2 pi [rad].
+        position: maximum distance to the goal [m].
+        speed: maximum speed [m/s].
+        angle: maximum distance of theta to the nearest multiple of 2 pi [rad].
     """
 
     position: float = 0.1
@@ -102,17 +101,17 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Scenario:
-    """One task of the benchmark: rest to rest from start to goal, through hoops in order.
+    """One task: rest to rest from start to goal, through hoops in order.
 
     Attributes:
-        name: what to call it.
-        start, goal: points (x, z) where the flight starts and ends at rest, upright [m].
-        hoops: the hoops, in the order in which they must be passed.
-        floor, ceiling: least and greatest height of the vehicle's centre [m], or None.
+        name: its name.
+        start, goal: points (x, z) at which the flight starts and ends, at rest and upright [m].
+        hoops: the hoops, in order of passage.
+        floor, ceiling: minimum and maximum height of the vehicle's centre [m], or None.
         quadrotor: the vehicle.
-        tolerance: what counts as arrived.
+        tolerance: the goal tolerance.
         dt: length of an environment step, over which the control is constant [s].
-        time_limit: the flight is truncated after this long [s].
+        time_limit: time after which an episode is truncated [s].
 
     Raises:
         ValueError: naming the field, its value and what is allowed.
@@ -211,29 +210,29 @@ class Scenario:
 
     @property
     def max_steps(self) -> int:
-        """The number of steps after which a flight is truncated."""
+        """Time limit in steps."""
         return steps_within(self.time_limit, self.dt)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """Least x, least z, greatest x, greatest z [m]; a step that ends beyond is out of bounds."""
+        """Minimum x, minimum z, maximum x, maximum z [m]; a step that ends outside is out of bounds."""
         points = np.array([self.start, self.goal, *((hoop.x, hoop.z) for hoop in self.hoops)])
         low, high = points.min(axis=0) - BOUNDS_MARGIN, points.max(axis=0) + BOUNDS_MARGIN
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
     @property
     def heights(self) -> tuple[float, float]:
-        """Least and greatest height of the vehicle's centre [m]; infinite where there is no floor or ceiling."""
+        """Minimum and maximum height of the vehicle's centre [m]; infinite without floor or ceiling."""
         return (
             -math.inf if self.floor is None else self.floor,
             math.inf if self.ceiling is None else self.ceiling,
         )
 
     def with_diameters(self, diameters: Iterable[float]) -> Scenario:
-        """Return the scenario with other widths of its gaps [m], one for each hoop.
+        """Return the scenario with other gap widths [m], one for each hoop.
 
         Raises:
-            ValueError: for another number of widths, and for a gap that is too small for the body.
+            ValueError: for a wrong number of widths, and for a gap too small for the body.
         """
         widths = tuple(diameters)
         if len(widths) != len(self.hoops):
@@ -242,12 +241,12 @@ class Scenario:
         return replace(self, hoops=tuple(hoops))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the scenario as plain dictionaries, lists, numbers and strings."""
+        """Return the scenario as dicts, lists, numbers and strings, ready for JSON."""
         return json.loads(json.dumps(asdict(self)))
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Scenario:
-        """Rebuild a scenario from `to_dict`; unknown keys raise a ValueError."""
+        """Return the scenario of a `to_dict`; unknown keys raise a ValueError."""
         try:
             data = dict(data)
             data["hoops"] = tuple(Hoop(**hoop) for hoop in data.get("hoops", ()))
@@ -259,12 +258,12 @@ class Scenario:
             raise ValueError(f"not a scenario: {error}") from None
 
     def to_json(self) -> str:
-        """Return the scenario as a JSON text."""
+        """Return the scenario as JSON text."""
         return json.dumps(self.to_dict())
 
     @classmethod
     def from_json(cls, text: str) -> Scenario:
-        """Rebuild a scenario from `to_json`."""
+        """Return the scenario of a `to_json`."""
         try:
             data = json.loads(text)
         except ValueError as error:

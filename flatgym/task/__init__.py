@@ -1,4 +1,4 @@
-"""The task as plain functions over batches: initial, advance, observe, reward."""
+"""The task as pure functions over batches of episodes: initial, advance, observe, reward, open-loop rollouts."""
 
 from flatgym.task.observation import OBSERVATION_NAMES, OBSERVATIONS, observation_names, observe
 from flatgym.task.rewards import reward

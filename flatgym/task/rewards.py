@@ -1,29 +1,30 @@
-"""TODO flatgym/task/reward.py."""
+"""Reward of a step: minus time, optionally shaped by a potential.
+
+The potential is that of `flatgym.task.shaping`; potential differences leave the optimal policy unchanged (Ng, Harada
+and Russell 1999, here with discount 1).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from flatgym.quadrotor import Array
-from flatgym.task.scene import (
-    GOAL,
-    EpisodeState,
-    Scene,
-)
+from flatgym.task.scene import GOAL, EpisodeState, Scene
 from flatgym.task.shaping import potential
 
 
 def reward(scene: Scene, before: EpisodeState, after: EpisodeState, shaped: bool) -> Array:
     """Return the reward of the step from `before` to `after` [s], shape (n,).
 
-    Sparse: minus dt; a flight that fails pays the rest of its time limit at once, so that the
-    return is minus the flight time on success and minus the time limit otherwise. Shaped adds
-    the difference of the potential; summed over an episode it is a constant of the start, so
-    the optimal policy stays the same (Ng, Harada and Russell 1999, with discount 1).
+    Sparse: minus dt. An episode that fails also pays the remaining time limit. The return is minus the flight time on
+    success and minus the time limit otherwise.
+
+    Shaped: sparse plus potential(after) - potential(before). Over an episode that terminates these differences sum to a
+    constant of its start, minus its potential.
     """
     failed = after.terminated & (after.outcome != GOAL)
-    rest = (scene.max_steps - after.steps) * scene.dt
-    sparse = -scene.dt - np.where(failed, rest, 0.0)
+    remaining = (scene.max_steps - after.steps) * scene.dt
+    sparse = -scene.dt - np.where(failed, remaining, 0.0)
     if not shaped:
         return sparse
     return sparse + potential(scene, after) - potential(scene, before)

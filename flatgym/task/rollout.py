@@ -1,7 +1,7 @@
-"""Open-loop flight: a sequence of actions flown from the start, with the outcome of every step.
+"""Open-loop rollouts: states and outcomes of a sequence of actions.
 
 `fly_actions` steps the task as an environment does. `open_loop_states` and `episode_outcomes` give the same in a few
-array operations, without a loop over time; a test holds the two together.
+array operations, without a loop over time. A test holds the two together.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from flatgym.task.transition import advance, initial
 
 
 def fly_actions(scenario: Scenario, actions: NDArray[Any]) -> list[EpisodeState]:
-    """Fly actions (K, 2) step by step from the start; return the episode's states, the first and the last included.
+    """Return the episode states under actions (K, 2) from the scenario's start, the first and the last included.
 
-    The list is shorter than K + 1 when the episode ends before the last action.
+    The list has K + 1 entries, fewer if the episode ends before the last action.
     """
     scene = Scene.of([scenario])
     episode = [replace(initial(scene), state=scenario.start_state[None])]
@@ -33,16 +33,19 @@ def fly_actions(scenario: Scenario, actions: NDArray[Any]) -> list[EpisodeState]
 
 
 def open_loop_states(scenario: Scenario, actions: NDArray[Any], start: Array | None = None) -> Array:
-    """Return the states to which actions (K, 2) lead from a state (5,), shape (K+1, 5); by default from the start."""
+    """Return the states under actions (K, 2), shape (K+1, 5), from a state (5,), by default the scenario's start."""
     controls = scenario.quadrotor.control(actions)
     return scenario.quadrotor.fly(scenario.start_state if start is None else start, controls, scenario.dt)
 
 
 def episode_outcomes(scenario: Scenario, states: Array, actions: NDArray[Any], hoops_passed: int = 0) -> EpisodeState:
-    """Return the episode's state after each of K steps along states (K+1, 5) under actions (K, 2).
+    """Return the episode state after each of K steps along states (K+1, 5) under actions (K, 2).
 
-    All steps are judged at once. A step depends on those before it by the number of hoops passed. That number is
-    settled after as many rounds as there are hoops, because the first hoop is passed whatever comes later, and so on.
+    All steps are evaluated at once. A step depends on earlier ones only through the number of hoops passed, which a
+    fixed-point iteration finds. Each round settles at least the next hoop, so it ends after one round for each hoop and
+    one more.
+
+    Entries after the first outcome other than "flying" have no meaning for the environment, which has ended there.
     """
     count = len(actions)
     scene, controls, nothing = Scene.of([scenario] * count), scenario.quadrotor.control(actions), np.zeros(count, int)
@@ -57,13 +60,13 @@ def episode_outcomes(scenario: Scenario, states: Array, actions: NDArray[Any], h
 def replay_to_goal(
     scenario: Scenario, actions: NDArray[Any], start: Array | None = None, hoops_passed: int = 0
 ) -> Array | None:
-    """Return the states (k+1, 5) of the flight of actions (K, 2) until it ends at the goal; None if it ends elsewhere.
+    """Return the states (k+1, 5) until the episode ends at the goal after k steps; None if it does not end there.
 
     Args:
-        scenario: what is flown.
+        scenario: the scenario.
         actions: in [-1, 1], shape (K, 2).
         start: the first state, shape (5,); by default the scenario's.
-        hoops_passed: how many hoops are passed already.
+        hoops_passed: number of hoops passed before the first step.
     """
     states = open_loop_states(scenario, actions, start)
     outcome = episode_outcomes(scenario, states, actions, hoops_passed).outcome

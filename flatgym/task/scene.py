@@ -1,7 +1,7 @@
-"""Many scenarios as arrays, and where their vehicles stand.
+"""Scenarios and episode states of n vehicles as structures of arrays.
 
-A Scene holds n scenarios as a structure of arrays, a Situation the n flights through them. Both are
-frozen values: the verbs of `flatgym.task` take them and return new ones.
+A Scene holds n scenarios, an EpisodeState the n episodes in them. Both are frozen. The functions of `flatgym.task` take
+them and return new ones.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from flatgym.scenarios.scenario import Scenario, Tolerance
 Integers = NDArray[np.int64]
 
 OUTCOMES = ("flying", "goal", "collision", "floor", "ceiling", "out-of-bounds", "time-limit")
-"""Every word for how a flight stands; all but the first end it."""
+"""Outcomes of an episode; all but the first end it."""
 FLYING, GOAL, COLLISION, FLOOR, CEILING, OUT_OF_BOUNDS, TIME_LIMIT = range(len(OUTCOMES))
 
 
 @dataclass(frozen=True)
 class Scene:
-    """The scenarios of n vehicles as arrays; hoops padded to the largest number H.
+    """The scenarios of n vehicles as arrays, their hoops padded to the largest number H.
 
     Attributes:
-        quadrotor, tolerance, dt: shared by all.
+        quadrotor, tolerance, dt: shared by all scenarios.
         start, goal: points [m], shape (n, 2).
-        hoop_centre, hoop_direction: shape (n, H, 2) [m], [-].
-        hoop_diameter: shape (n, H) [m].
+        hoop_centre, hoop_direction: centres [m] and unit vectors of passage, shape (n, H, 2).
+        hoop_diameter: widths of the gaps [m], shape (n, H).
         hoop_count: number of hoops, shape (n,).
-        floor, ceiling: heights [m], shape (n,); infinite where there is none.
-        bounds: least x, least z, greatest x, greatest z [m], shape (n, 4).
-        max_steps: steps of the time limit, shape (n,).
-        last_step: steps after which a flight is truncated, shape (n,); sooner than the time limit if one wants it so.
-        thrust_factor: by which the commanded thrust is multiplied, shape (n,).
+        floor, ceiling: heights [m], shape (n,); infinite without floor or ceiling.
+        bounds: minimum x, minimum z, maximum x, maximum z [m], shape (n, 4).
+        max_steps: time limit in steps, shape (n,).
+        last_step: steps after which the episode is truncated, at most max_steps, shape (n,).
+        thrust_factor: factor on the commanded thrust, shape (n,).
         wind: acceleration by the wind [m/s^2], shape (n, 2).
-        delay: steps by which actions come late, shape (n,); whoever hands over the controls sees to it.
+        delay: delay of the actions [steps], shape (n,); applied by the caller of `advance`, not by it.
     """
 
     quadrotor: Quadrotor
@@ -62,13 +62,13 @@ class Scene:
 
     @classmethod
     def of(cls, scenarios: Sequence[Scenario]) -> Scene:
-        """Return the scene of n scenarios that share vehicle, tolerance and dt."""
+        """Return the scene of n scenarios that share vehicle, tolerance and dt; a ValueError if they do not."""
         first = scenarios[0]
         for name in ("quadrotor", "tolerance", "dt"):
             for other in scenarios:
                 if getattr(other, name) != getattr(first, name):
                     raise ValueError(
-                        f"scenarios flown together must share {name}: {first.name!r} has {getattr(first, name)}, "
+                        f"scenarios of one scene must share {name}: {first.name!r} has {getattr(first, name)}, "
                         f"{other.name!r} has {getattr(other, name)}"
                     )
         n, most = len(scenarios), max(len(s.hoops) for s in scenarios)
@@ -100,12 +100,12 @@ class Scene:
         return len(self.start)
 
     def repeat(self, n: int) -> Scene:
-        """Return the scene with each of its scenarios n times."""
+        """Return the scene with each scenario repeated n times."""
         arrays: dict[str, Any] = {name: np.repeat(value, n, axis=0) for name, value in self._arrays().items()}
         return replace(self, **arrays)
 
     def put(self, rows: NDArray[Any], other: Scene) -> Scene:
-        """Return this scene with the scenarios at `rows` taken from `other`, which is as long as there are rows."""
+        """Return this scene with the scenarios at `rows`, shape (m,), replaced by the m scenarios of `other`."""
         arrays: dict[str, Any] = {name: value.copy() for name, value in self._arrays().items()}
         for name, value in arrays.items():
             value[rows] = getattr(other, name)
@@ -118,11 +118,11 @@ class Scene:
 
 @dataclass(frozen=True)
 class EpisodeState:
-    """Where n flights stand.
+    """States of n episodes.
 
     Attributes:
         state: [x, z, vx, vz, theta], shape (n, 5).
-        steps: environment steps flown, shape (n,).
+        steps: environment steps, shape (n,).
         hoops_passed: hoops passed so far, shape (n,).
         outcome: index into OUTCOMES, shape (n,).
     """
@@ -134,16 +134,16 @@ class EpisodeState:
 
     @property
     def terminated(self) -> NDArray[np.bool_]:
-        """Whether the flight has ended for good, shape (n,)."""
+        """Whether the episode has ended other than by the time limit, shape (n,)."""
         return (self.outcome != FLYING) & (self.outcome != TIME_LIMIT)
 
     @property
     def truncated(self) -> NDArray[np.bool_]:
-        """Whether only the clock ended the flight, shape (n,)."""
+        """Whether the time limit ended the episode, shape (n,)."""
         return self.outcome == TIME_LIMIT
 
     def put(self, mask: NDArray[np.bool_], other: EpisodeState) -> EpisodeState:
-        """Return these situations with those under `mask`, shape (n,), taken from `other`."""
+        """Return these episodes with those under `mask`, shape (n,), taken from `other`."""
         return EpisodeState(
             state=np.where(mask[:, None], other.state, self.state),
             steps=np.where(mask, other.steps, self.steps),

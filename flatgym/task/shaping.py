@@ -1,12 +1,12 @@
-"""The shaping potential: minus a rough time to go.
+"""The shaping potential: minus an estimate of the time to go.
 
-Along any direction d the vehicle is at best a double integrator whose acceleration lies between
--(thrust_max + g d_z) and thrust_max - g d_z, so the time in which it could cover the rest of the
-way along d and stop is a lower estimate of the time to go; the largest of six directions is
-taken, and a detour through hoops still ahead is added at a cruising speed.
+Along a direction d the vehicle is at best a double integrator with acceleration between -(thrust_max + g d_z) and
+thrust_max - g d_z. The minimum time of that double integrator to cover the remaining offset along d and stop is a lower
+bound of the time to go. The estimate is the largest bound of six directions, plus the detour through the hoops ahead at
+a cruising speed.
 
-Differences of a potential leave the optimal policy as it is (Ng, Harada and Russell 1999), however
-rough it may be; a good one shortens learning, because it tells braking in time from flying on.
+Potential differences leave the optimal policy unchanged (Ng, Harada and Russell 1999) for any potential. A good
+potential shortens training, because it rewards braking in time.
 """
 
 from __future__ import annotations
@@ -17,30 +17,30 @@ from flatgym.quadrotor import Array
 from flatgym.task.scene import EpisodeState, Scene
 
 CRUISE_SPEED = 5.0
-"""Speed at which the detour through hoops is reckoned [m/s]."""
+"""Assumed speed on the detour through hoops [m/s]."""
 
 _ANGLES = np.arange(6) * np.pi / 6
 DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
-"""Six directions over a half turn, shape (2, 6); each stands for both its ways."""
+"""Six directions over half a turn, shape (2, 6); offsets along them have either sign."""
 
 
 def rest_time(offset: Array, speed: Array, forward: Array, backward: Array) -> Array:
-    """Return the least time in which a double integrator covers `offset` and stops [s], shape (...).
+    """Return the minimum time of a double integrator to cover `offset` and stop [s], shape (...).
 
     Args:
-        offset: way to go [m], shape (...).
-        speed: present speed [m/s], shape (...).
-        forward, backward: largest accelerations either way [m/s^2], positive, shape (...).
+        offset: remaining distance, signed [m], shape (...).
+        speed: current velocity [m/s], shape (...).
+        forward, backward: maximum accelerations in either direction [m/s^2], positive, shape (...).
     """
     overshoots = 2 * offset < speed * np.abs(speed) / np.where(speed > 0, backward, forward)
     offset, speed = np.where(overshoots, -offset, offset), np.where(overshoots, -speed, speed)
-    # The time already spent, had it come from rest; from rest to rest it takes sqrt(2 (1/a + 1/b) way).
+    # `begun` is the time from rest to the current speed. From rest to rest the time is sqrt(2 (1/a + 1/b) distance).
     begun = speed / np.where(overshoots, backward, forward)
     return np.sqrt((1 / forward + 1 / backward) * np.maximum(2 * offset + speed * begun, 0.0)) - begun
 
 
 def potential(scene: Scene, episode: EpisodeState) -> Array:
-    """Return the potential [s], shape (n,): minus the time to go, 0 for flights that have ended for good.
+    """Return the potential [s], shape (n,): minus the estimated time to go, 0 for terminated episodes.
 
     Args:
         scene: the scenarios of n vehicles.
@@ -56,7 +56,7 @@ def potential(scene: Scene, episode: EpisodeState) -> Array:
 
 
 def remaining_path_length(scene: Scene, episode: EpisodeState) -> Array:
-    """Return the length of the polyline through the centres of the hoops ahead to the goal [m], shape (n,)."""
+    """Return the length of the polyline through the hoop centres ahead to the goal [m], shape (n,)."""
     way, here = np.zeros(len(scene)), episode.state[:, 0:2]
     for j in range(scene.hoop_centre.shape[1]):
         ahead = (j >= episode.hoops_passed) & (j < scene.hoop_count)

@@ -1,10 +1,10 @@
-"""The task as pure verbs over a batch: initial, advance, outcome, observe, reward.
+"""Transition of the task for n vehicles: initial state, one step, outcome.
 
-    situation = initial(scene)
-    situation = advance(scene, situation, controls)    # n vehicles, one step each
-    observe(scene, situation), reward(scene, before, after)
+    before = initial(scene)
+    after = advance(scene, before, controls)    # n vehicles, one step each
+    observe(scene, after), reward(scene, before, after, shaped=True)
 
-Nothing here remembers anything, so that loops, environments and planners share one truth.
+The functions are pure. Environments, planners and custom loops share them.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from flatgym.task.scene import (
 )
 
 CONTACT_SLACK = 1e-6
-"""Depth below a floor or above a ceiling that is not yet contact [m]: standing on it is allowed."""
+"""Depth below the floor or above the ceiling up to which there is no contact [m], so a vehicle may rest on it."""
 
 
 def initial(scene: Scene) -> EpisodeState:
-    """Return all vehicles at rest and upright at their starts."""
+    """Return n episodes at their starts: at rest, upright, no hoop passed."""
     n = len(scene)
     state = np.zeros((n, 5))
     state[:, 0:2] = scene.start
@@ -43,9 +43,12 @@ def initial(scene: Scene) -> EpisodeState:
 
 
 def advance(scene: Scene, episode: EpisodeState, control: Array) -> EpisodeState:
-    """Fly every vehicle one step of dt under its constant control [thrust, rate], shape (n, 2)."""
-    felt = np.stack([control[:, 0] * scene.thrust_factor, control[:, 1]], axis=-1)
-    arc = Arc(scene.quadrotor, episode.state, felt, scene.dt, scene.wind)
+    """Return the episodes after one step of dt under constant controls [thrust, rate], shape (n, 2).
+
+    The thrust acts multiplied by `scene.thrust_factor`. Limits of the control are not applied here.
+    """
+    acting = np.stack([control[:, 0] * scene.thrust_factor, control[:, 1]], axis=-1)
+    arc = Arc(scene.quadrotor, episode.state, acting, scene.dt, scene.wind)
     after = EpisodeState(
         state=arc.at(scene.dt),
         steps=episode.steps + 1,
@@ -56,10 +59,9 @@ def advance(scene: Scene, episode: EpisodeState, control: Array) -> EpisodeState
 
 
 def outcome(scene: Scene, arc: Arc, after: EpisodeState) -> Integers:
-    """Return how the flights stand after the step flown along `arc`, shape (n,), as in OUTCOMES.
+    """Return the outcomes after a step along `arc`, indices into OUTCOMES, shape (n,).
 
-    A contact anywhere inside the step comes before the goal at its end, and the goal before the
-    end of the time limit.
+    Contact within the step takes precedence over out of bounds, that over the goal, that over the time limit.
     """
     x, z = after.state[:, 0], after.state[:, 1]
     low_x, low_z, high_x, high_z = scene.bounds.T
@@ -67,18 +69,18 @@ def outcome(scene: Scene, arc: Arc, after: EpisodeState) -> Integers:
     code = np.where(arrived(scene, after), GOAL, code)
     code = np.where((x < low_x) | (x > high_x) | (z < low_z) | (z > high_z), OUT_OF_BOUNDS, code)
     up = np.array([0.0, 1.0])
-    for direction, limit, word in ((-up, -scene.ceiling, CEILING), (up, scene.floor, FLOOR)):
+    for direction, limit, contact in ((-up, -scene.ceiling, CEILING), (up, scene.floor, FLOOR)):
         near = z * direction[1] - arc.reach < limit
         if near.any():
             touches = arc[near].lowest(direction) < limit[near] - CONTACT_SLACK
-            code[near] = np.where(touches, word, code[near])
+            code[near] = np.where(touches, contact, code[near])
     if scene.quadrotor.radius > 0:
         code = np.where(_touches_rim(scene, arc), COLLISION, code)
     return code
 
 
 def arrived(scene: Scene, episode: EpisodeState) -> NDArray[np.bool_]:
-    """Return whether the vehicles are at the goal, slow, upright, all hoops passed, shape (n,)."""
+    """Return whether all hoops are passed and the state is within the tolerance of the goal, shape (n,)."""
     offset, velocity = episode.state[:, 0:2] - scene.goal, episode.state[:, 2:4]
     theta, tolerance = episode.state[:, 4], scene.tolerance
     return (
@@ -90,7 +92,7 @@ def arrived(scene: Scene, episode: EpisodeState) -> NDArray[np.bool_]:
 
 
 def _pass_hoops(scene: Scene, arc: Arc, passed: Integers) -> Integers:
-    """Return the hoops passed after the arc, in order, several in one step if it comes to that."""
+    """Return the number of hoops passed after the arc, shape (n,); one step may pass several, in order."""
     passed, time, reach = passed.copy(), np.zeros(len(arc)), arc.reach
     rows = np.arange(len(arc))
     while rows.size:
@@ -106,14 +108,14 @@ def _pass_hoops(scene: Scene, arc: Arc, passed: Integers) -> Integers:
         offset = sub.at(np.where(crosses, when, 0.0))[:, 0:2] - centre
         aside = np.abs(offset[:, 1] * direction[:, 0] - offset[:, 0] * direction[:, 1])
         passed[rows] += crosses & (aside <= gap)
-        # Who crossed beside the gap may cross again, who passed may meet the next hoop.
+        # After a crossing beside the gap the path may cross again; after a passage the next hoop may follow.
         rows, when = rows[crosses], when[crosses]
         time[rows] = when
     return passed
 
 
 def _touches_rim(scene: Scene, arc: Arc) -> NDArray[np.bool_]:
-    """Return whether the body touches an end of any hoop's gap during the step, shape (n,)."""
+    """Return whether the body touches an end of any gap within the step, shape (n,)."""
     touched, radius = np.zeros(len(arc), dtype=bool), scene.quadrotor.radius
     for j in range(scene.hoop_centre.shape[1]):
         direction = scene.hoop_direction[:, j]

@@ -1,16 +1,17 @@
-"""A vector environment checked in lockstep with scalar ones; Gymnasium's `check_env` is for scalar ones only.
+"""A checker for vector environments; Gymnasium's `check_env` is for scalar environments only.
 
     check_vector_env(gym.make_vec("CartPole-v1", 4, "sync"), lambda: gym.make("CartPole-v1"))
 
-A flight is a sequence of calls, resets and steps, each noted with what it returned. Three kinds of law hold for it:
+A rollout is a sequence of calls, resets and steps, each recorded with its results. The checker verifies three kinds of
+properties:
 
-    protocol    each call by itself: spaces, shapes, the masks of infos, what the autoreset mode promises
-    lockstep    env i returns what the scalar environment returns under the same seed and actions
-    repetition  the same seed gives the same flight, also when the caller writes into the arrays he was given,
-                and when those actions differ that must be ignored
+    protocol    each call on its own: spaces, shapes, masks of infos, the autoreset mode
+    lockstep    env i returns the same as the scalar environment with the same seed and actions
+    repetition  the same seed gives the same rollout, also if the caller writes into returned arrays, and with other
+                actions wherever actions must be ignored
 
-Without `make_single` the lockstep is left out: for environments that draw all their starts from one generator, as
-Gymnasium's own CartPole does, so that no scalar environment starts where theirs do.
+Without `make_single` there is no lockstep check. This suits environments that sample all start states from one
+generator, such as Gymnasium's own CartPole, for which no scalar environment has the same starts.
 """
 
 from flatgym.testing.lockstep import check_vector_env

@@ -1,4 +1,4 @@
-"""One call of a vector environment, with what it returned, and the protocol that it must keep by itself."""
+"""One call of a vector environment with its results, and the protocol checks of a single call."""
 
 from __future__ import annotations
 
@@ -21,12 +21,20 @@ FINALS = ("final_obs", "final_info")
 
 @dataclass(frozen=True)
 class Call:
-    """One reset or step, with a copy of what it returned."""
+    """One reset or step, with a copy of its results.
+
+    Attributes:
+        label: name of the call in messages.
+        actions: batched actions, None for a reset.
+        seeds: seeds of a reset, None where not seeded.
+        begins: whether this call starts an episode, other than by SAME_STEP autoreset, shape (n,).
+        observations, rewards, terminated, truncated, infos: the results.
+    """
 
     label: str
-    actions: Any  # None: a reset
+    actions: Any
     seeds: list[int | None]
-    begins: Flags  # the envs that begin an episode with this call, other than by the end of one in the same step
+    begins: Flags
     observations: Any
     rewards: Any
     terminated: Any
@@ -35,23 +43,23 @@ class Call:
 
     @property
     def ended(self) -> Flags:
-        """The envs whose episode ended with this call, shape (n,)."""
+        """Whether this call ended the episode, shape (n,)."""
         return np.asarray(self.terminated | self.truncated)
 
     def fail(self, text: str, env: int | None = None) -> NoReturn:
-        """Raise an AssertionError that says when and in which env."""
+        """Raise an AssertionError that names the call and the env."""
         raise AssertionError(f"{self.label}{'' if env is None else f', env {env}'}: {text}")
 
     def compare(
-        self, name: str, got: Any, wanted: Any, atol: float = 0.0, env: int | None = None, who: str = "expected"
+        self, name: str, got: Any, wanted: Any, atol: float = 0.0, env: int | None = None, source: str = "expected"
     ) -> None:
-        """Raise an AssertionError where two values differ by more than atol."""
+        """Raise an AssertionError if two values differ by more than atol."""
         if found := difference(name, got, wanted, atol):
             place, one, other = found
-            self.fail(f"{place} is {one!r}, {who} {other!r}", env)
+            self.fail(f"{place} is {one!r}, {source} {other!r}", env)
 
     def rows(self, infos: dict[str, Any]) -> list[dict[str, Any]]:
-        """Return the info of each env, without finals, from arrays `key` and their masks `_key`."""
+        """Return the info of each env, without final ones, from arrays `key` and their masks `_key`."""
         n = len(self.begins)
         rows: list[dict[str, Any]] = [{} for _ in range(n)]
         for key, values in infos.items():
@@ -66,7 +74,7 @@ class Call:
         return rows
 
     def mask(self, infos: dict[str, Any], key: str) -> Flags:
-        """Return the mask that tells which envs have an info."""
+        """Return the mask of the envs that have an info."""
         mask, n = infos.get(f"_{key}"), len(self.begins)
         if not (isinstance(mask, np.ndarray) and mask.shape == (n,) and mask.dtype == np.bool_):
             self.fail(f"infos[{key!r}] needs a mask of {n} booleans, infos['_{key}'], got {mask!r}")
@@ -78,7 +86,7 @@ def check_observations(envs: Envs, call: Call) -> None:
     if envs.observation_space.contains(call.observations):
         return
     single = envs.single_observation_space
-    with suppress(KeyError, TypeError, IndexError):  # of a layout that has no rows to name
+    with suppress(KeyError, TypeError, IndexError):  # observations without rows
         for i, row in enumerate(observation_rows(envs, call)):
             kind = getattr(row, "dtype", type(row).__name__)
             if not single.contains(row):
@@ -87,7 +95,7 @@ def check_observations(envs: Envs, call: Call) -> None:
 
 
 def check_step(call: Call, keys: dict[int, set[str]]) -> None:
-    """Check rewards, flags and infos of a step; `keys` remembers the infos' keys of each env in mid-flight."""
+    """Check rewards, flags and infos of a step; `keys` stores the info keys of each env within an episode."""
     n = len(call.begins)
     for name, kinds, what in (("rewards", "fiu", "numbers"), ("terminated", "b", "bools"), ("truncated", "b", "bools")):
         value = getattr(call, name)
@@ -106,26 +114,26 @@ def check_step(call: Call, keys: dict[int, set[str]]) -> None:
                 call.fail(f"info has the keys {sorted(row)}, at earlier steps {sorted(known)}", i)
 
 
-def check_left_alone(envs: Envs, before: Call, call: Call) -> None:
-    """Check that a reset by a mask leaves the other envs where they were."""
+def check_unmasked(envs: Envs, before: Call, call: Call) -> None:
+    """Check that a reset with a mask does not change the other envs."""
     rows = zip(observation_rows(envs, call), observation_rows(envs, before), strict=True)
     for i, (row, earlier) in enumerate(rows):
         if not call.begins[i]:
-            call.compare("the observation", row, earlier, env=i, who="its reset_mask is False, and before it was")
+            call.compare("the observation", row, earlier, env=i, source="its reset_mask is False, and before it was")
 
 
 def check_finals(envs: Envs, call: Call) -> None:
-    """Check that the masks of final_obs and final_info tell which envs ended, and that final_obs are in their space."""
+    """Check that the masks of final_obs and final_info mark the ended envs, and that final_obs are in their space."""
     other_keys = any(key.removeprefix("_") not in FINALS for key in call.infos)
     for key in FINALS:
         if key in call.infos:
             mask = call.mask(call.infos, key)
         else:
-            # An environment without infos has no final ones either.
+            # An environment without infos has no final infos.
             mask = call.ended if key == "final_info" and not other_keys else np.zeros_like(call.ended)
         for i in np.flatnonzero(mask != call.ended).tolist():
-            told = "given, but the episode goes on" if mask[i] else "missing, but the episode has ended"
-            call.fail(f"{key} is {told}", i)
+            fault = "given, but the episode goes on" if mask[i] else "missing, but the episode has ended"
+            call.fail(f"{key} is {fault}", i)
     for i, row in final_observations(envs, call).items():
         single = envs.single_observation_space
         if not single.contains(row):
@@ -133,13 +141,13 @@ def check_finals(envs: Envs, call: Call) -> None:
 
 
 def check_unchanged(call: Call, returned: Any, later: str) -> None:
-    """Check that what a call returned is still what it was."""
+    """Check that the results of a call have not changed since."""
     for name, now in zip(("observations", "rewards", "terminated", "truncated", "infos"), returned, strict=True):
-        call.compare(name, now, getattr(call, name), who=f"before {later} it was")
+        call.compare(name, now, getattr(call, name), source=f"before {later} it was")
 
 
 def final_observations(envs: Envs, call: Call) -> dict[int, Any]:
-    """Return the last observations of the envs that ended, from an array of objects or from a batch."""
+    """Return the final observations by env, from an object array or a batch."""
     if not call.ended.any():
         return {}
     final = call.infos["final_obs"]
@@ -149,5 +157,5 @@ def final_observations(envs: Envs, call: Call) -> dict[int, Any]:
 
 
 def observation_rows(envs: Envs, call: Call) -> list[Any]:
-    """Return the observation of each environment."""
+    """Return the observation of each env."""
     return list(iterate(envs.observation_space, call.observations))

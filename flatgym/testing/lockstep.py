@@ -1,4 +1,4 @@
-"""The laws that hold between flights: with scalar environments in lockstep, and of a flight with its repetition."""
+"""Checks between rollouts: lockstep with scalar environments, and repetition of a rollout."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space, iterate
 
 from flatgym.testing.calls import Call, Envs, final_observations, observation_rows
-from flatgym.testing.episodes import Flight
+from flatgym.testing.rollout import Rollout
 
 Single: TypeAlias = gym.Env[Any, Any]
 
@@ -28,33 +28,37 @@ def check_vector_env(
     atol: float = 1e-9,
     actions: Iterable[Any] | None = None,
 ) -> int:
-    """Fly a vector environment; an AssertionError tells the first thing that is not as it should be.
+    """Check a vector environment; raise an AssertionError for the first violation.
 
-    Checked are: the spaces; observations in their space; rewards and flags; infos, an array `key` with a mask `_key`
-    each, the same keys at all steps that neither end nor begin an episode; autoreset as `metadata["autoreset_mode"]`
-    has it, or in mode DISABLED resets by `options={"reset_mask": mask}`; a reset of all right after an end; that the
-    same seed gives the same flight; that what was returned never changes, and may be written into; that actions are
-    not changed; that `close` may be called twice. And with `make_single`: that all which is returned equals what the
-    scalar environments return, seeded by a number or by a list.
+    Checked are:
+
+    - the spaces, and observations in their space;
+    - rewards and flags; infos, each an array `key` with a mask `_key`; the same keys at all steps within an episode;
+    - autoreset as stated by `metadata["autoreset_mode"]`; in mode DISABLED, resets by `options={"reset_mask": mask}`;
+    - a reset of all envs right after an end;
+    - that the same seed gives the same rollout;
+    - that results never change after they were returned and may be written into; that actions are not changed;
+    - that `close` may be called twice;
+    - with `make_single`, that all results equal those of the scalar environments, seeded by a number or by a list.
 
     Args:
-        envs: any `gymnasium.vector.VectorEnv` that returns NumPy arrays, of n = num_envs envs. A few do: the flight is
-            kept in memory. It is closed in the end. Infos that tell the time of day, as RecordEpisodeStatistics has
-            them, differ between any two flights, and are found to.
-        make_single: returns the scalar environment; called as make_single(i) if it must have an argument, i in
-            0..n-1. None leaves the lockstep out.
-        steps: how many steps to fly; `envs` flies them three or four times, the scalar environments once.
-        seed: the vector environment's; that of env i is seed + i, as in Gymnasium.
-        atol: how far numbers may be apart. Numbers coarser than float64 may besides be one rounding apart, unless atol
-            is 0, which asks for equality to the bit. Flags, integers and words must be equal in any case.
-        actions: batched actions to fly with, at most `steps`, e.g. an array (steps, n, ...); samples by default.
+        envs: any `gymnasium.vector.VectorEnv` that returns NumPy arrays, of n = num_envs envs. A small n suffices; the
+            rollout is stored in memory. The environment is closed at the end. Infos with the time of day, as of
+            RecordEpisodeStatistics, differ between rollouts and are reported.
+        make_single: returns the scalar environment; called as make_single(i), i in 0..n-1, if it requires an argument.
+            None omits the lockstep check.
+        steps: number of steps; `envs` runs them three or four times, the scalar environments once.
+        seed: seed of the vector environment; that of env i is seed + i, as in Gymnasium.
+        atol: absolute tolerance of numbers. Numbers of lower precision than float64 may also differ by one rounding,
+            unless atol is 0, which requires bitwise equality. Flags, integers and strings must be equal.
+        actions: batched actions, at most `steps`, e.g. an array (steps, n, ...); random samples by default.
 
     Returns:
-        How many episodes ended. If 0, no autoreset was seen: fly longer, or with actions that get somewhere.
+        The number of episodes that ended. If 0, no autoreset was tested: use more steps or other actions.
 
     Raises:
-        AssertionError: names the step, the env, what differs, and both values.
-        ValueError: for steps or atol out of range, or no actions.
+        AssertionError: naming the step, the env, the difference, and both values.
+        ValueError: for steps or atol out of range, or without actions.
     """
     if steps < 1 or not atol >= 0:
         raise ValueError(f"steps must be at least 1 and atol at least 0, got steps={steps!r}, atol={atol!r}")
@@ -66,7 +70,7 @@ def check_vector_env(
         for single in singles:
             opened.enter_context(single)
         _check_spaces(envs, singles)
-        calls = list(_in_lockstep(Flight(envs, chosen, seed), singles, atol))
+        calls = list(_compare_in_lockstep(Rollout(envs, chosen, seed), singles, atol))
         _check_repetition(envs, chosen, seed, calls)
         if singles:
             _check_seed_list(envs, chosen[:10], seed, singles, atol)
@@ -76,7 +80,7 @@ def check_vector_env(
 
 
 def _check_spaces(envs: Envs, singles: list[Single]) -> None:
-    """Check that the spaces are batches of the single ones, these those of the scalar envs, and the mode is told."""
+    """Check that spaces are batches of the single ones, these equal the scalar envs' spaces, and the mode is stated."""
     for name in ("observation_space", "action_space"):
         single, batched = getattr(envs, f"single_{name}"), getattr(envs, name)
         batch = batch_space(single, envs.num_envs)
@@ -91,16 +95,16 @@ def _check_spaces(envs: Envs, singles: list[Single]) -> None:
         raise AssertionError(f"metadata['autoreset_mode'] must be an AutoresetMode, got {mode!r}")
 
 
-def _in_lockstep(flight: Flight, singles: list[Single], atol: float) -> Iterator[Call]:
-    """Yield the calls of a flight, each compared with what the scalar environments return."""
-    for call in flight:
+def _compare_in_lockstep(rollout: Rollout, singles: list[Single], atol: float) -> Iterator[Call]:
+    """Yield the calls of a rollout, each compared with the results of the scalar environments."""
+    for call in rollout:
         if singles:
-            _compare(flight.envs, call, singles, atol)
+            _compare(rollout.envs, call, singles, atol)
         yield call
 
 
 def _compare(envs: Envs, call: Call, singles: list[Single], atol: float) -> None:
-    """Call the scalar environments alike, and compare."""
+    """Make the same call of the scalar environments, and compare."""
     observations, infos = observation_rows(envs, call), call.rows(call.infos)
     finals = final_observations(envs, call) if envs.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP else {}
     final_infos = call.rows(call.infos.get("final_info", {}))
@@ -124,39 +128,39 @@ def _compare(envs: Envs, call: Call, singles: list[Single], atol: float) -> None
 
 
 def _check_repetition(envs: Envs, actions: list[Any], seed: int, calls: list[Call]) -> None:
-    """Check that the flight repeats itself: as it was, under a caller who meddles, and with other ignored actions."""
-    flights = [
-        Flight(envs, actions, seed, "flown again with the same seed, "),
-        Flight(envs, actions, seed, "flown again, returned arrays and actions overwritten after use, ", meddling=True),
+    """Check that a rollout repeats: unchanged, with overwritten results, and with other ignored actions."""
+    rollouts = [
+        Rollout(envs, actions, seed, "repeated with the same seed, "),
+        Rollout(envs, actions, seed, "repeated, returned arrays and actions overwritten after use, ", overwriting=True),
     ]
     if envs.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP:
-        strays = iter(_samples(envs, len(actions), seed + 1))
-        flights.append(Flight(envs, actions, seed, "flown again with other actions after the ends, ", strays=strays))
-    for flight in flights:
-        for first, again in zip(calls, flight, strict=True):
+        ignored = iter(_samples(envs, len(actions), seed + 1))
+        rollouts.append(Rollout(envs, actions, seed, "repeated with other actions after the ends, ", ignored=ignored))
+    for rollout in rollouts:
+        for first, again in zip(calls, rollout, strict=True):
             rows = (observation_rows(envs, again), observation_rows(envs, first))
             for i, (new, old) in enumerate(zip(*rows, strict=True)):
-                again.compare("the observation", new, old, env=i, who="first")
+                again.compare("the observation", new, old, env=i, source="first")
             for name in ("rewards", "terminated", "truncated", "infos"):
-                again.compare(name, getattr(again, name), getattr(first, name), who="first")
+                again.compare(name, getattr(again, name), getattr(first, name), source="first")
 
 
 def _check_seed_list(envs: Envs, actions: list[Any], seed: int, singles: list[Single], atol: float) -> None:
-    """Check that a list seeds each env with its own number, if the vector environment takes lists.
+    """Check that a list seeds each env separately, if the vector environment accepts lists.
 
-    From the last to the first, as else its first number would tell all.
+    The list is descending, because an ascending one equals the seeds derived from its first number.
     """
     seeds = [seed + i for i in range(envs.num_envs)][::-1]
     try:
         envs.reset(seed=list(seeds))  # type: ignore[arg-type]
-    except gym.error.Error:  # the base class promises numbers only, and refuses a list so
+    except gym.error.Error:  # the base class requires numbers only, and rejects lists with this error
         return
-    for _ in _in_lockstep(Flight(envs, actions, seeds, f"seeded with {seeds}, "), singles, atol):
+    for _ in _compare_in_lockstep(Rollout(envs, actions, seeds, f"seeded with {seeds}, "), singles, atol):
         pass
 
 
 def _samples(envs: Envs, steps: int, seed: int) -> list[Any]:
-    """Return random batched actions, leaving the space's own generator alone."""
+    """Return random batched actions without using the space's own generator."""
     space = deepcopy(envs.action_space)
     space.seed(seed)
     return [space.sample() for _ in range(steps)]
@@ -166,7 +170,7 @@ def _make_singles(make_single: Callable[..., Single], n: int) -> list[Single]:
     """Return n scalar environments from make_single() or make_single(i)."""
     try:
         parameters = inspect.signature(make_single).parameters.values()
-    except ValueError:  # of a callable that hides its signature
+    except ValueError:  # callables without a signature
         parameters = {}.values()
     numbered = any(p.default is p.empty and p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)
     return [make_single(i) if numbered else make_single() for i in range(n)]

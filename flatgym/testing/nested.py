@@ -1,7 +1,4 @@
-"""Nested values: where two of them differ, and the ways to write into one.
-
-Observations, actions and infos are arrays in dicts, tuples and lists, to any depth.
-"""
+"""Comparison and modification of nested values: arrays in dicts, tuples and lists, to any depth."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ from numpy.typing import NDArray
 
 
 def difference(name: str, got: Any, wanted: Any, atol: float) -> tuple[str, Any, Any] | None:
-    """Return where two values differ and what stands there, or None; numbers within atol, all else by equality."""
+    """Return the place of the first difference and both values there, or None; numbers may differ by atol."""
     if isinstance(got, dict) and isinstance(wanted, dict):
         if got.keys() != wanted.keys():
             return f"the list of keys of {name}", sorted(got), sorted(wanted)
@@ -47,7 +44,7 @@ def _array_difference(name: str, got: Any, wanted: Any, atol: float) -> tuple[st
 
 
 def _arrays(value: Any) -> Iterator[NDArray[Any]]:
-    """Yield all arrays of numbers in nested dicts, tuples and lists."""
+    """Yield all numeric arrays of a nested value."""
     if isinstance(value, (dict, tuple, list)):
         for part in value.values() if isinstance(value, dict) else value:
             yield from _arrays(part)
@@ -56,18 +53,18 @@ def _arrays(value: Any) -> Iterator[NDArray[Any]]:
 
 
 def overwrite(value: Any) -> None:
-    """Write other numbers into all arrays that may be written into, once into those that occur twice."""
+    """Write other numbers into all writable arrays of a nested value, once into each."""
     for array in {id(array): array for array in _arrays(value)}.values():
         if array.flags.writeable:
             array[...] = np.nan if array.dtype.kind == "f" else ~array
 
 
-def exchanged(single: gym.Space[Any], own: Any, other: Any, rows: NDArray[np.bool_]) -> Any:
-    """Return the batched actions `own`, in some rows replaced by those of `other`."""
+def replace_rows(single: gym.Space[Any], own: Any, other: Any, rows: NDArray[np.bool_]) -> Any:
+    """Return the batched actions `own` with the masked rows, shape (n,), replaced by those of `other`."""
     if isinstance(single, gym.spaces.Dict):
-        return {key: exchanged(part, own[key], other[key], rows) for key, part in single.items()}
+        return {key: replace_rows(part, own[key], other[key], rows) for key, part in single.items()}
     if isinstance(single, gym.spaces.Tuple):
-        return tuple(exchanged(part, own[k], other[k], rows) for k, part in enumerate(single.spaces))
+        return tuple(replace_rows(part, own[k], other[k], rows) for k, part in enumerate(single.spaces))
     if isinstance(own, np.ndarray):
         mask = rows.reshape(-1, *[1] * (own.ndim - 1))
         return np.where(mask, other, own).astype(own.dtype)

@@ -178,7 +178,7 @@ def test_what_was_told_does_not_change_later(generator):
 def test_a_ghost_belongs_to_a_named_scenario_or_is_given():
     other = replace(SCENARIOS["hoop"], dt=0.01)
     for scenario in (other, DISTRIBUTIONS["random-hoops"]):
-        with pytest.raises(ValueError, match=r"no flight in K\* steps is stored .*; give states of shape \(K\+1, 5\)"):
+        with pytest.raises(ValueError, match=r"no K\*-step solution is stored .*; give states of shape \(K\+1, 5\)"):
             FlatQuadEnv(scenario, ghost=True)
     FlatQuadEnv(other, ghost=ghost_states("hoop"))
     for ghost, words in (("fast", "the ghost must be an array of numbers"), (np.zeros(5), r"of shape \(K\+1, 5\)")):

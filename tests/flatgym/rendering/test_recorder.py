@@ -120,7 +120,7 @@ def test_what_cannot_be_drawn_is_named():
     with pytest.raises(ValueError, match="unknown render_mode 'ascii'"):
         EpisodeRecorder(HOOP, "ascii")
     for problem in (replace(HOOP, name="mine"), DISTRIBUTIONS["random-hoops"]):
-        with pytest.raises(ValueError, match=r"no flight in K\* steps is stored for .* give states"):
+        with pytest.raises(ValueError, match=r"no K\*-step solution is stored for .* give states"):
             EpisodeRecorder(problem, "rgb_array", ghost=True)
     with pytest.raises(ValueError, match=r"shape \(K\+1, 5\), got shape \(3,\)"):
         EpisodeRecorder(HOOP, "rgb_array", ghost=[1, 2, 3])

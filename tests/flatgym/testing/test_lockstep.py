@@ -444,7 +444,7 @@ class KeepsItsModeToItself(Walks):
 
 FAULTS = [
     (SharesItsBuffer, NEXT, r"reset: observations\[0, 0\] is .*, before step 1 it was "),
-    (TakesTurnsWithBuffers, SAME, r"step \d+: rewards\[\d\] is .*, before the end of the flight it was "),
+    (TakesTurnsWithBuffers, SAME, r"step \d+: rewards\[\d\] is .*, before the end of the rollout it was "),
     (FliesOnAfterTheEnd, NEXT, r"step \d+, env \d: the observation\[0\] is .* in the scalar environment "),
     (PaysForTheReset, NEXT, r"step \d+, env \d: the reward in the step of the reset is -1.0, expected 0.0"),
     (DropsFinalObservations, SAME, r"step \d+, env \d: final_obs is missing, but the episode has ended"),
@@ -483,13 +483,13 @@ def test_a_planted_fault_is_found_and_named(faulty, mode, words):
 @pytest.mark.parametrize(
     ("faulty", "words"),
     [
-        (FliesOnAfterTheEnd, r"flown again with other actions after the ends, step \d+, env \d: the observation\[0\]"),
-        (IgnoresTheSeed, r"flown again with the same seed, reset, env 0: the observation\[0\] is .*, first "),
+        (FliesOnAfterTheEnd, r"repeated with other actions after the ends, step \d+, env \d: the observation\[0\]"),
+        (IgnoresTheSeed, r"repeated with the same seed, reset, env 0: the observation\[0\] is .*, first "),
         (
             LendsItsState,
-            r"flown again, returned arrays and actions overwritten after use, step 1: infos\['state'\]\[0\]",
+            r"repeated, returned arrays and actions overwritten after use, step 1: infos\['state'\]\[0\]",
         ),
-        (KeepsTheActions, r"flown again, returned arrays and actions overwritten after use, step 2"),
+        (KeepsTheActions, r"repeated, returned arrays and actions overwritten after use, step 2"),
         (PaysForTheReset, "the reward in the step of the reset is -1.0"),
     ],
 )
