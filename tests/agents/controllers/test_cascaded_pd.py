@@ -8,7 +8,7 @@ import pytest
 from agents.controllers.cascaded_pd import CascadedPD
 from agents.evaluation.bootstrap import iqm
 from agents.evaluation.rollouts import fly
-from agents.evaluation.scores import flight_rows
+from agents.evaluation.scores import episode_rows
 from flatgym import DISTRIBUTIONS, SCENARIOS, Quadrotor
 from flatgym.task.observation import observe
 from flatgym.task.scene import Scene
@@ -24,7 +24,7 @@ def test_every_named_scenario_is_reached_without_a_flip(name):
 
 @pytest.mark.parametrize(("name", "most"), [("random-goal", 0.4), ("random-hoops", 0.65)])
 def test_sampled_scenarios_are_reached(name, most):
-    rows = flight_rows(CascadedPD(), name, episodes=200)
+    rows = episode_rows(CascadedPD(), name, episodes=200)
     assert (rows["outcome"] == "goal").mean() >= 0.99
     assert 0.2 < iqm(rows["gap"]) < most
 

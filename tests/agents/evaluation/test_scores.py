@@ -1,4 +1,4 @@
-"""Scores measure against K*; a flight faster than K* is an error, not a score."""
+"""Scores: gaps to K*, evaluation seeds, and the error for episodes faster than K*."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ import pytest
 from agents.evaluation import optima as module
 from agents.evaluation.bootstrap import iqm, summary
 from agents.evaluation.rollouts import fly
-from agents.evaluation.scores import COLUMNS, FasterThanOptimal, evaluate, flight_rows
+from agents.evaluation.scores import COLUMNS, FasterThanOptimal, episode_rows, evaluate
 from flatgym import DISTRIBUTIONS, SCENARIOS, Disturbances
 from flatgym.scenarios.reference import EVALUATION_SEED, drawn_k_star, reference
 from optimal import SolveFailed, fewest_steps
@@ -20,7 +20,7 @@ GOALS = replace(DISTRIBUTIONS["random-goal"], name="near", half_width=0.6, time_
 
 
 class OpenLoop:
-    """A policy that plays actions in order, the last one for ever, to all the same or (n, K, 2) to each his own."""
+    """Replays actions in order and holds the last one; (K, 2) for all vehicles, (n, K, 2) for each its own."""
 
     def __init__(self, actions):
         self.actions = np.asarray(actions)
@@ -39,13 +39,13 @@ def optimum():
 
 @pytest.fixture(scope="module")
 def near():
-    """K* of the first drawn goals of GOALS."""
+    """K* of the first sampled goals of GOALS."""
     return [fewest_steps(GOALS.scenario(i), time_budget=0) for i in range(3)]
 
 
 @pytest.fixture
 def no_solver(monkeypatch):
-    """Whoever asks for K* to be computed fails."""
+    """Make every computation of K* fail."""
 
     def refuse(*_, **__):
         raise AssertionError("K* was computed although it is known")
@@ -54,19 +54,19 @@ def no_solver(monkeypatch):
 
 
 def padded(flights):
-    """Return actions of flights, the last repeated, shape (n, K, 2)."""
+    """Return the actions of flights, padded with the last one, shape (n, K, 2)."""
     most = max(len(flight.actions) for flight in flights)
     return np.array([np.pad(f.actions, ((0, most - len(f.actions)), (0, 0)), mode="edge") for f in flights])
 
 
 def test_the_optimal_flight_scores_zero_gap(optimum):
     scores = evaluate(
-        OpenLoop(optimum.actions), "horizontal-3", episodes=3, optimum=optimum, agent="tape", command="test"
+        OpenLoop(optimum.actions), "horizontal-3", episodes=3, optimum=optimum, agent="replay", command="test"
     )
     assert list(scores.columns) == list(COLUMNS)
     row = scores.iloc[0]
     assert (row.steps, row.k_star, row.gap, row.success_rate) == (optimum.steps, optimum.steps, 0.0, 1.0)
-    assert (row.agent, row.command, row.outcomes) == ("tape", "test", {"goal": 3})
+    assert (row.agent, row.command, row.outcomes) == ("replay", "test", {"goal": 3})
     assert (row.seed, row.proven) == (EVALUATION_SEED, False)
     assert set(row.versions) >= {"python", "flatgym", "torch"}
 
@@ -89,8 +89,8 @@ def test_a_failing_policy_has_no_gap(optimum):
 
 
 @pytest.mark.parametrize("name", DISTRIBUTIONS)
-def test_a_distribution_is_scored_at_once_on_its_own_seeds(name, no_solver):  # noqa: ARG001
-    rows = flight_rows(OpenLoop([DROP]), name, episodes=300)
+def test_a_distribution_is_scored_on_the_evaluation_seeds_without_a_solver(name, no_solver):  # noqa: ARG001
+    rows = episode_rows(OpenLoop([DROP]), name, episodes=300)
     known = drawn_k_star(name, EVALUATION_SEED + np.arange(300))
     assert np.array_equal(rows["seed"], EVALUATION_SEED + np.arange(300))
     assert np.array_equal(rows["k_star"], known.k_star)
@@ -99,10 +99,10 @@ def test_a_distribution_is_scored_at_once_on_its_own_seeds(name, no_solver):  # 
     assert rows["gap"].isna().all()
 
 
-def test_every_flight_of_a_distribution_is_measured_against_its_own_k_star(near, tmp_path):
+def test_every_episode_of_a_distribution_is_compared_with_its_own_k_star(near, tmp_path):
     actions = padded(near)
     actions[1] = DROP
-    rows = flight_rows(OpenLoop(actions), GOALS, 3, seed=0, store=tmp_path)
+    rows = episode_rows(OpenLoop(actions), GOALS, 3, seed=0, store=tmp_path)
     assert rows["outcome"].tolist() == ["goal", rows["outcome"][1], "goal"]
     assert rows["k_star"].tolist() == [flight.steps for flight in near]
     assert rows["gap"].tolist() == pytest.approx([0, np.nan, 0], nan_ok=True)
@@ -110,16 +110,16 @@ def test_every_flight_of_a_distribution_is_measured_against_its_own_k_star(near,
     assert row.success_rate == pytest.approx(2 / 3)
     assert row.steps == row.k_star == iqm([near[0].steps, near[2].steps])
     assert (row.gap, row.scenario) == (0, "near")
-    assert summary(rows.assign(agent="tape"))["success_rate"].tolist() == [row.success_rate]
+    assert summary(rows.assign(agent="replay"))["success_rate"].tolist() == [row.success_rate]
 
 
-def test_what_was_computed_once_is_kept(near, tmp_path, monkeypatch):
-    first = flight_rows(OpenLoop(padded(near)), GOALS, 3, seed=0, store=tmp_path)
+def test_computed_optima_are_cached(near, tmp_path, monkeypatch):
+    first = episode_rows(OpenLoop(padded(near)), GOALS, 3, seed=0, store=tmp_path)
     monkeypatch.setattr("joblib.Parallel", None)
-    assert first.equals(flight_rows(OpenLoop(padded(near)), GOALS, 3, seed=0, store=tmp_path))
+    assert first.equals(episode_rows(OpenLoop(padded(near)), GOALS, 3, seed=0, store=tmp_path))
 
 
-def test_flights_of_a_distribution_are_those_of_its_seeds(near):
+def test_episodes_of_a_distribution_have_the_scenarios_of_their_seeds(near):
     flights = fly(OpenLoop(padded(near[1:])), GOALS, episodes=2, seed=1)
     assert flights.outcomes == ("goal", "goal")
     assert flights.hoops_passed.tolist() == [0, 0]
@@ -127,14 +127,14 @@ def test_flights_of_a_distribution_are_those_of_its_seeds(near):
         np.testing.assert_allclose(flown, flight.states, atol=1e-12)
 
 
-def test_hoops_passed_are_told():
+def test_hoops_passed_are_returned():
     known = reference("slalom")
     assert fly(OpenLoop(known.actions), "slalom").hoops_passed.tolist() == [3]
     assert fly(OpenLoop([HOVER]), "slalom").hoops_passed.tolist() == [0]
 
 
-def test_a_policy_with_a_memory_is_told_where_flights_begin(near):
-    """Flights end at different steps; the tape of each begins anew just when the environment does."""
+def test_episode_starts_are_passed_to_stateful_policies(near):
+    """Episodes end at different steps; `episode_start` marks the resets of the environment."""
     told = []
 
     class Told(OpenLoop):
@@ -148,7 +148,7 @@ def test_a_policy_with_a_memory_is_told_where_flights_begin(near):
     assert sum(start.sum() for _, start in told) > 3
 
 
-def test_faster_than_optimal_is_a_failure_with_evidence(optimum):
+def test_faster_than_optimal_holds_the_evidence(optimum):
     wrong = replace(optimum, steps=optimum.steps + 1)
     with pytest.raises(FasterThanOptimal, match="K\\* is wrong") as failure:
         evaluate(OpenLoop(optimum.actions), "horizontal-3", episodes=1, optimum=wrong)
@@ -157,7 +157,7 @@ def test_faster_than_optimal_is_a_failure_with_evidence(optimum):
     np.testing.assert_allclose(failure.value.states, optimum.states, atol=1e-12)
 
 
-def test_faster_than_the_k_star_of_one_draw_is_a_failure_too(near, monkeypatch):
+def test_faster_than_the_k_star_of_a_sampled_scenario_raises(near, monkeypatch):
     late = [flight if i < 2 else replace(flight, steps=flight.steps + 1) for i, flight in enumerate(near)]
     monkeypatch.setattr(module, "fewest_steps_many", lambda *_, **__: late)
     with pytest.raises(FasterThanOptimal, match="near-2-0") as failure:
@@ -166,7 +166,7 @@ def test_faster_than_the_k_star_of_one_draw_is_a_failure_too(near, monkeypatch):
     np.testing.assert_array_equal(failure.value.actions, near[2].actions)
 
 
-def test_flights_keep_their_states_and_actions(optimum):
+def test_episodes_hold_their_states(optimum):
     flights = fly(OpenLoop(optimum.actions), SCENARIOS["horizontal-3"], episodes=2)
     assert flights.outcomes == ("goal", "goal")
     np.testing.assert_allclose(flights.states[1], optimum.states, atol=1e-12)
@@ -178,7 +178,7 @@ def test_without_any_k_star_there_is_no_score():
         evaluate(OpenLoop([HOVER]), hurried, 1)
 
 
-def test_bad_questions_are_refused(optimum):
+def test_invalid_arguments_are_refused(optimum):
     with pytest.raises(ValueError, match="episodes must be at least 1, got 0"):
         fly(OpenLoop(optimum.actions), "horizontal-3", episodes=0)
     with pytest.raises(ValueError, match=r"unknown columns \['colour'\]"):
@@ -200,10 +200,10 @@ def test_bad_questions_are_refused(optimum):
     ],
     ids=["observations", "actions", "discrete"],
 )
-def test_a_policy_for_another_environment_does_not_take_off(spaces, words):
+def test_a_policy_with_other_spaces_is_refused_before_the_first_step(spaces, words):
     class Foreign:
         def predict(self, *_, **__):
-            raise AssertionError("it was asked to fly")
+            raise AssertionError("predict was called")
 
     foreign = Foreign()
     vars(foreign).update(spaces)
@@ -211,7 +211,7 @@ def test_a_policy_for_another_environment_does_not_take_off(spaces, words):
         fly(foreign, "hoop")
 
 
-def test_disturbed_scores_say_so_and_claim_nothing_against_k_star(optimum):
+def test_disturbances_are_recorded_and_allow_fewer_steps_than_k_star(optimum):
     late = replace(optimum, steps=1000)
     calm, windy = (
         evaluate(OpenLoop([HOVER]), "horizontal-3", 4, optimum=late, disturbances=disturbances).iloc[0]
@@ -220,7 +220,7 @@ def test_disturbed_scores_say_so_and_claim_nothing_against_k_star(optimum):
     assert (calm.disturbances, calm.outcomes) == ({}, {"time-limit": 4})
     assert windy.disturbances == {"wind": 3.0, "sensor_noise": 0.01}
     assert windy.outcomes != calm.outcomes
-    # The same flight is an error in still air, and no news with a little noise in what is measured.
+    # The same episode raises without disturbances and does not with sensor noise.
     with pytest.raises(FasterThanOptimal):
         evaluate(OpenLoop(optimum.actions), "horizontal-3", optimum=late)
     row = evaluate(

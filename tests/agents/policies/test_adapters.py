@@ -1,4 +1,4 @@
-"""Anybody's policy: whatever can act flies, and whatever cannot is named."""
+"""Adapters: every callable policy works, and every failure names its cause."""
 
 from dataclasses import dataclass
 
@@ -16,14 +16,14 @@ SEEN = np.zeros((3, 19), dtype=np.float32)
 
 
 class Full:
-    """As Stable-Baselines3 has it."""
+    """The full signature of Stable-Baselines3."""
 
     def predict(self, observation, state=None, episode_start=None, deterministic=False):  # noqa: ARG002
         return PD.predict(observation)[0], (0 if state is None else state + 1)
 
 
 class Bare:
-    """Takes observations only, and returns actions only."""
+    """Takes only observations and returns only actions."""
 
     def predict(self, observation):
         return PD.predict(observation)[0]
@@ -34,20 +34,20 @@ def function(observation):
 
 
 def single(observation):
-    """Can deal with one vehicle only."""
+    """Accepts one vehicle only."""
     assert observation.shape == (19,)
     return PD.predict(observation)[0]
 
 
 @pytest.mark.parametrize("policy", [Full, Full(), Bare, function, single])
 @pytest.mark.parametrize("flights", [1, 3])
-def test_whatever_can_act_flies_as_if_it_were_the_controller_itself(policy, flights):
+def test_adapted_policies_act_like_the_controller(policy, flights):
     flown, expected = fly(Adapted(policy), "random-goal", flights, 7), fly(PD, "random-goal", flights, 7)
     assert flown.outcomes == expected.outcomes
     assert flown.steps.tolist() == expected.steps.tolist()
 
 
-def test_what_it_wants_to_remember_is_handed_back_to_it():
+def test_the_state_is_passed_back():
     policy, state = Adapted(Full), None
     for wanted in (0, 1, 2):
         _, state = policy.predict(SEEN, state=state)
@@ -73,17 +73,17 @@ class Returns:
         (None, "mine returned"),
     ],
 )
-def test_what_goes_wrong_is_named_by_its_first_cause(answer, words):
+def test_errors_name_the_first_cause(answer, words):
     with pytest.raises(PolicyFailed, match=words):
         Adapted(Returns(answer), "mine").predict(SEEN)
 
 
-def test_not_a_number_is_refused_by_the_flight():
+def test_nan_actions_are_refused_by_the_environment():
     with pytest.raises(ValueError, match="finite"):
         fly(Adapted(Returns(np.full((2, 2), np.nan))), "hoop", 2)
 
 
-def test_what_cannot_act_is_no_policy():
+def test_objects_that_cannot_act_are_refused():
     with pytest.raises(PolicyFailed, match=r"mine is not a policy: it has no predict"):
         Adapted(3, "mine")
 
@@ -95,7 +95,7 @@ def test_what_cannot_act_is_no_policy():
         Adapted(Broken, "mine")
 
 
-def test_policies_are_found_by_module_by_file_and_by_zip(tmp_path, monkeypatch):
+def test_policies_are_loaded_from_module_file_and_zip(tmp_path, monkeypatch):
     source = "def pilot(observation):\n    return observation[..., :2] * 0\n"
     (tmp_path / "my_flatquad_pilots.py").write_text(source)
     monkeypatch.chdir(tmp_path)
@@ -115,12 +115,12 @@ def test_policies_are_found_by_module_by_file_and_by_zip(tmp_path, monkeypatch):
         ("missing.zip", "missing.zip is not part of the package"),
     ],
 )
-def test_what_is_not_found_is_named(name, words):
+def test_missing_policies_are_named(name, words):
     with pytest.raises(ValueError, match=words):
         load_policy(name)
 
 
-def test_a_module_that_fails_while_it_is_imported_says_why(tmp_path):
+def test_a_failing_import_is_reported(tmp_path):
     (tmp_path / "broken.py").write_text("raise SystemError('half installed')\n")
     with pytest.raises(ValueError, match="SystemError: half installed"):
         load_policy(f"{tmp_path / 'broken.py'}:policy")

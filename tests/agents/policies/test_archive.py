@@ -1,4 +1,4 @@
-"""Policies on disk: what was saved flies the same, is small, and nothing is loaded unasked or half."""
+"""Policies on disk: exact round trip, small files, no untrusted code, no damaged files."""
 
 import base64
 import errno
@@ -29,7 +29,7 @@ def small(algorithm, **values):
 
 
 def trained(algorithm):
-    """Return a model with all that a training leaves in it."""
+    """Return a model with the state of a training."""
     return small(algorithm).learn(64)
 
 
@@ -48,7 +48,7 @@ def actions(model):
 
 
 @pytest.mark.parametrize("algorithm", CONFIGS)
-def test_what_was_saved_flies_the_same(models, tmp_path, algorithm):
+def test_a_saved_policy_returns_the_same_actions(models, tmp_path, algorithm):
     path = policies.save(models[algorithm], tmp_path / "deep" / "policy.zip", "horizontal-3")
     found = policies.load(path, trust=True)
     assert type(found).__name__ == algorithm
@@ -60,14 +60,14 @@ def test_what_was_saved_flies_the_same(models, tmp_path, algorithm):
 
 
 @pytest.mark.parametrize("algorithm", CONFIGS)
-def test_what_stable_baselines3_saved_is_recognised(models, tmp_path, algorithm):
+def test_zips_of_stable_baselines3_are_loaded(models, tmp_path, algorithm):
     models[algorithm].save(tmp_path / "foreign.zip")
     found = policies.load(tmp_path / "foreign.zip", trust=True)
     assert type(found).__name__ == algorithm
     np.testing.assert_array_equal(actions(found), actions(models[algorithm]))
 
 
-def test_a_loaded_policy_is_saved_as_the_same_file(file, tmp_path):
+def test_saving_a_loaded_policy_gives_the_same_file(file, tmp_path):
     again = policies.save(policies.load(file, trust=True), tmp_path / "again.zip", "horizontal-3")
     assert again.read_bytes() == file.read_bytes()
 
@@ -77,7 +77,7 @@ def test_a_policy_of_the_default_size_is_small(tmp_path):
     assert policies.save(model, tmp_path / "policy.zip").stat().st_size < 60_000
 
 
-def test_a_rounded_policy_is_half_as_long_and_flies_as_it_was_rounded(tmp_path):
+def test_rounding_halves_the_file_and_is_exact_on_disk(tmp_path):
     model = build(PPOConfig(scenario="horizontal-3", num_envs=4, batch_size=16, width=128))
     long = policies.save(model, tmp_path / "long.zip").stat().st_size
     before = actions(model)
@@ -91,13 +91,13 @@ def test_a_rounded_policy_is_half_as_long_and_flies_as_it_was_rounded(tmp_path):
         np.testing.assert_array_equal(actions(found), actions(rounded))
 
 
-def test_nothing_of_the_training_is_saved(file, models):
+def test_the_state_of_the_training_is_not_saved(file, models):
     with zipfile.ZipFile(file) as members:
         optimizer = torch.load(io.BytesIO(members.read("policy.optimizer.pth")), weights_only=True)
         assert optimizer["state"] == {}
         assert not set(compact.TRANSIENT) & set(json.loads(members.read("data")))
         assert "system_info.txt" not in members.namelist()
-    assert models["PPO"].policy.optimizer.state_dict()["state"], "the model itself keeps its own"
+    assert models["PPO"].policy.optimizer.state_dict()["state"], "the model itself is unchanged"
 
 
 def test_another_algorithm_is_not_saved(tmp_path):
@@ -106,7 +106,7 @@ def test_another_algorithm_is_not_saved(tmp_path):
 
 
 class Trap:
-    """What a stranger may put into a file."""
+    """An object that creates a file when unpickled."""
 
     def __init__(self, path):
         self.path = path
@@ -115,7 +115,7 @@ class Trap:
         return open, (str(self.path), "w")
 
 
-def test_files_from_elsewhere_are_refused_before_anything_in_them_runs(file, tmp_path):
+def test_untrusted_files_are_refused_before_they_run_code(file, tmp_path):
     trap = tmp_path / "sprung"
     with zipfile.ZipFile(file) as members:
         contents = {name: members.read(name) for name in members.namelist()}
@@ -146,7 +146,7 @@ def test_files_of_the_package_are_loaded_by_name(models, tmp_path, monkeypatch):
         policies.pretrained("../near")
 
 
-def test_a_link_out_of_the_package_is_a_file_from_elsewhere(file, tmp_path, monkeypatch):
+def test_a_link_out_of_the_package_is_untrusted(file, tmp_path, monkeypatch):
     monkeypatch.setattr(archive, "PRETRAINED", tmp_path / "pretrained")
     (tmp_path / "pretrained").mkdir()
     (tmp_path / "pretrained" / "link.zip").symlink_to(file)
@@ -155,14 +155,14 @@ def test_a_link_out_of_the_package_is_a_file_from_elsewhere(file, tmp_path, monk
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
-def test_half_a_file_is_named(file, share):
+def test_truncated_files_are_named(file, share):
     content = file.read_bytes()
     file.write_bytes(content[: int(len(content) * share)])
     with pytest.raises(ValueError, match=r"policy\.zip is not a whole zip"):
         policies.load(file, trust=True)
 
 
-def test_a_changed_byte_is_noticed(file):
+def test_a_corrupt_byte_is_detected(file):
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 0xFF
     file.write_bytes(content)
@@ -193,12 +193,12 @@ def test_spaces_that_do_not_match_are_both_named(tmp_path):
         policies.load(path, trust=True)
 
 
-def test_a_missing_file_is_no_riddle(tmp_path):
+def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"nowhere.zip"):
         policies.load(tmp_path / "nowhere.zip", trust=True)
 
 
-def test_a_full_disk_leaves_what_was_there(file, models, monkeypatch):
+def test_a_full_disk_leaves_the_older_file(file, models, monkeypatch):
     before = file.read_bytes()
 
     def full(*_):

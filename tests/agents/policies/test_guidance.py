@@ -1,4 +1,4 @@
-"""Guidance: the mirror only changes signs, the time does not count, and who is on course misses nothing."""
+"""Guidance features: mirror symmetry, independence of time, and zero predicted miss on course."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from flatgym.task.scene import EpisodeState, Scene
 AHEAD, ASIDE, COASTING, THRUSTING = range(4)
 CLOSING, DRIFT, FORWARDS, SIDEWAYS, TIME = range(4, 9)
 SIGNS = [1, -1, -1, -1, 1, -1, 1, -1, 1, -1, -1, -1]
-"""How the features of a hoop change in a mirror: what is across its axis changes its sign."""
+"""Signs of the features of a hoop in the mirror: quantities across the axis change sign."""
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def seen(scenario, states, passed=0):
 
 
 def gaps(observations):
-    """Return the features of the hoops that are seen, shape (n, HOOPS_SEEN, PER_HOOP)."""
+    """Return the features of the observed hoops, shape (n, HOOPS_SEEN, PER_HOOP)."""
     observed = torch.from_numpy(observations)
     return to_gaps(
         observed[:, HOOPS].unflatten(1, (HOOPS_SEEN, -1)),
@@ -54,7 +54,7 @@ def test_a_mirror_changes_only_signs(guidance):
     np.testing.assert_allclose(after[:, hoops], before[:, hoops] * (SIGNS * HOOPS_SEEN), atol=1e-5)
 
 
-def test_there_are_as_many_features_as_it_says_all_finite_and_the_time_is_none(guidance):
+def test_features_are_finite_as_many_as_declared_and_independent_of_time(guidance):
     edges = torch.tensor(np.stack([observation_space("features").low, observation_space("features").high]))
     features = guidance(edges)
     assert features.shape == (2, guidance.features_dim)
@@ -64,7 +64,7 @@ def test_there_are_as_many_features_as_it_says_all_finite_and_the_time_is_none(g
     torch.testing.assert_close(guidance(later), features, rtol=0, atol=0)
 
 
-def test_where_no_hoop_is_left_nothing_of_one_is_seen(guidance):
+def test_without_a_hoop_its_features_are_zero(guidance):
     name = "hoop"
     hoops = slice(TIMELESS, TIMELESS + HOOPS_SEEN * PER_HOOP)
     before, after = (
@@ -76,7 +76,7 @@ def test_where_no_hoop_is_left_nothing_of_one_is_seen(guidance):
 
 
 @pytest.mark.parametrize("angle", [-2.0, 0.3, 1.4])
-def test_a_gap_is_seen_in_its_own_frame(angle):
+def test_a_gap_is_expressed_in_its_own_frame(angle):
     hoop, place = Hoop(3.0, -1.0, 0.8, angle), np.array([1.2, 0.4])
     scenario = Scenario("turned", (0, 0), (6, 0), (hoop,))
     velocity = 4.0 * hoop.direction + 0.7 * hoop.across
@@ -94,7 +94,7 @@ def test_a_gap_is_seen_in_its_own_frame(angle):
         assert found[which] == pytest.approx(float(value), abs=2e-5), which
 
 
-def test_who_coasts_through_the_middle_misses_nothing(generator):
+def test_coasting_through_the_centre_has_no_predicted_miss(generator):
     hoop = Hoop(2.0, 1.0, 0.6, 0.5)
     scenario = Scenario("ahead", (0, 0), (4, 2), (hoop,))
     for time in generator.uniform(0.2, 1.5, 5):
@@ -106,8 +106,8 @@ def test_who_coasts_through_the_middle_misses_nothing(generator):
         assert found[ASIDE] != pytest.approx(0.0, abs=1e-3)
 
 
-def test_who_is_lifted_through_the_middle_misses_nothing_thrusting():
-    """Upright before a level gap, thrust changes nothing of the time to go, and the miss it leaves is exact."""
+def test_thrusting_through_the_centre_has_no_predicted_miss():
+    """Upright before a level gap, thrust does not change the time to go, and the predicted miss is exact."""
     hoop, quadrotor, time = Hoop(3.0, 1.0, 0.6, 0.0), Quadrotor(), 0.4
     at_the_gap = np.array([*hoop.centre, 5.0, 2.0, 0.0])
     state = quadrotor.step(at_the_gap, np.array([quadrotor.thrust_max, 0.0]), -time)
@@ -117,13 +117,13 @@ def test_who_is_lifted_through_the_middle_misses_nothing_thrusting():
     assert abs(found[COASTING]) > 0.5
 
 
-def test_lengths_come_back_in_metres_and_the_infinite_as_the_farthest():
+def test_lengths_are_decoded_in_metres_and_infinite_ones_clipped():
     lengths = torch.tensor([-40.0, -0.3, 0.0, 2.0, 30.0])
     torch.testing.assert_close(unsquashed(squash(lengths, LENGTH_UNIT)), lengths, rtol=1e-4, atol=1e-5)
     assert unsquashed(torch.tensor(1.0)) == 50.0
 
 
-def test_the_network_of_a_policy_is_saved_with_it(tmp_path):
+def test_the_feature_extractor_is_saved_with_the_policy(tmp_path):
     model = compact.rounded(untrained_policy(CloneConfig(scenario="hoop", width=16, depth=1, guidance=True)))
     loaded = policies.load(policies.save(model, tmp_path / "guided.zip"), trust=True)
     observations = seen(SCENARIOS["hoop"], ghost_states("hoop"))

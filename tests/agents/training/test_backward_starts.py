@@ -1,4 +1,4 @@
-"""Backward starts can reach the goal, by the same physics run forwards."""
+"""Backward starts: simulated forwards they reach the goal."""
 
 import numpy as np
 import pytest
@@ -9,17 +9,17 @@ from flatgym.envs.vector import FlatQuadVectorEnv
 from flatgym.task.scene import GOAL, EpisodeState, Scene
 
 
-def test_no_time_back_is_the_goal(generator):
+def test_zero_time_gives_the_goal(generator):
     state, passed = fly_back(generator, SCENARIOS["hoop"], np.zeros(5))
     np.testing.assert_array_equal(state, np.tile(SCENARIOS["hoop"].goal_state, (5, 1)))
     np.testing.assert_array_equal(passed, 1)
 
 
-def test_one_leg_back_flies_forward_to_the_goal(generator):
+def test_one_held_control_leads_forward_to_the_goal(generator):
     scenario = SCENARIOS["horizontal-6"]
     state, _ = fly_back(generator, scenario, np.full(200, scenario.dt))
     scene = Scene.of([scenario] * 200)
-    # Within one step back the flight made at most one change of control; the goal's tolerance absorbs it.
+    # Within one step the control changes at most once; the goal tolerance absorbs it.
     reached = np.zeros(200, dtype=bool)
     for rate in (-10.0, 0.0, 10.0):
         for thrust in np.linspace(1, 20, 5):
@@ -47,13 +47,13 @@ def test_the_pool_is_mixed_within_bounds_and_seeded(name):
     assert home == pytest.approx(0.2 + 0.8 * at_start.mean(), abs=0.05)
 
 
-def test_hoops_behind_are_still_to_be_passed():
+def test_crossed_hoops_are_still_to_be_passed():
     scenario = SCENARIOS["hoop"]
     starts = backward_starts(scenario, near=0.0, size=5000)
     state, passed = starts.state, starts.hoops_passed
     before = passed == 0
     assert before.any()
-    # To have met the hoop on the way back, a flight must have come from beyond its line.
+    # Only states before the line of the hoop can have crossed it backwards.
     behind = (state[:, 0:2] - scenario.hoops[0].centre) @ scenario.hoops[0].direction
     flown = ~np.all(state == scenario.start_state, axis=1)
     assert (behind[before & flown] < 0).mean() > 0.8

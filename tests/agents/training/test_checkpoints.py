@@ -1,4 +1,4 @@
-"""Checkpoints: who was killed and went on ends bit for bit like who was not; half a file is never taken for a whole."""
+"""Checkpoints: interrupted trainings resume bit for bit, and damaged files are refused."""
 
 import json
 import pickle
@@ -30,7 +30,7 @@ OFF_POLICY = {
 
 
 class Killed(BaseException):
-    """What nobody catches."""
+    """An exception that no handler catches."""
 
 
 def small(algorithm, folder, scenario="horizontal-3"):
@@ -39,7 +39,7 @@ def small(algorithm, folder, scenario="horizontal-3"):
 
 
 def killed(config, at, resume=False):
-    """Train until the check at so many environment steps, and die there."""
+    """Train until the validation at `at` environment steps, and raise there."""
 
     def on_validation(point):
         if point["env_steps"] >= at:
@@ -57,7 +57,7 @@ def flown(curve):
 @pytest.mark.parametrize(
     ("algorithm", "scenario"), [(name, "horizontal-3") for name in CONFIGS] + [("PPO", "random-hoops")]
 )
-def test_killed_and_resumed_is_bit_for_bit_like_never_killed(tmp_path, algorithm, scenario):
+def test_an_interrupted_training_ends_bit_for_bit_like_an_uninterrupted_one(tmp_path, algorithm, scenario):
     whole = train(small(algorithm, tmp_path / "whole", scenario))
     config = small(algorithm, tmp_path / "killed", scenario)
     killed(config, 0.2 * config.env_steps)  # before the first checkpoint
@@ -80,40 +80,40 @@ def finished(tmp_path_factory):
 
 @pytest.fixture
 def copy(finished, tmp_path):
-    """A finished training's configuration and checkpoint, to do with as one likes."""
+    """The configuration of a finished training with a copy of its checkpoint."""
     config = replace(finished[0], folder=str(tmp_path))
     checkpoint_file(config).write_bytes(checkpoint_file(finished[0]).read_bytes())
     return config
 
 
-def test_who_has_finished_does_not_go_on(finished, copy):
+def test_a_finished_training_does_not_continue(finished, copy):
     again = train(copy, resume=True)
     assert again.env_steps == finished[1].env_steps
     assert flown(again.curve) == flown(finished[1].curve)
     assert again.model.read_bytes() == finished[1].model.read_bytes()
 
 
-def test_without_resume_training_begins_anew(copy):
+def test_without_resume_training_starts_over(copy):
     seen = []
     train(copy, on_validation=seen.append)
     assert seen[0]["env_steps"] == 256
 
 
-def test_chapters_have_seeds_of_their_own_and_leave_those_of_scores_alone(finished):
+def test_segment_seeds_differ_from_each_other_and_from_validation_and_scores(finished):
     config = finished[0]
     seeds = {segment_seed(replace(config, seed=seed), segment) for seed in range(10) for segment in range(10)}
     assert len(seeds) == 100
     assert max(seeds) + 100_000 < VALIDATION_SEED < VALIDATION_SEED + config.n_eval_episodes < EVALUATION_SEED
 
 
-def test_a_configuration_may_differ_in_time_and_place_only(copy):
+def test_a_resumed_configuration_may_differ_in_time_folder_and_logging_only(copy):
     assert checkpoints.restore(replace(copy, max_seconds=7.0, tensorboard=True), build(copy)).segment == 3
     with pytest.raises(ValueError, match=r"checkpoint.pt was written with seed = 0, not 1, width = 8, not 16;"):
         train(replace(copy, seed=1, width=16), resume=True)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.7, 0.999])
-def test_half_a_checkpoint_is_named_with_a_way_out(copy, share):
+def test_a_truncated_checkpoint_is_named_with_a_remedy(copy, share):
     path = checkpoint_file(copy)
     path.write_bytes(path.read_bytes()[: int(path.stat().st_size * share)])
     with pytest.raises(ValueError, match=r"checkpoint.pt cannot be read as a checkpoint: .*or delete it"):
@@ -121,7 +121,7 @@ def test_half_a_checkpoint_is_named_with_a_way_out(copy, share):
     assert path.exists()
 
 
-def test_a_changed_byte_is_noticed(copy):
+def test_a_corrupt_byte_is_detected(copy):
     path = checkpoint_file(copy)
     content = bytearray(path.read_bytes())
     content[len(content) // 3] ^= 0x10
@@ -133,7 +133,7 @@ def test_a_changed_byte_is_noticed(copy):
 @pytest.mark.parametrize(
     "change", [{"schema": 2}, {"progress": {"segments": 1}}, {"parameters": {}}, {"config": 3}, {"updates": None}]
 )
-def test_what_does_not_fit_is_named(copy, change):
+def test_checkpoints_with_other_content_are_refused(copy, change):
     path = checkpoint_file(copy)
     content = torch.load(path, weights_only=True) | change
     torch.save({name: value for name, value in content.items() if value is not None}, path)
@@ -142,7 +142,7 @@ def test_what_does_not_fit_is_named(copy, change):
 
 
 class Trap:
-    """What a stranger may put into a file."""
+    """An object that creates a file when unpickled."""
 
     def __init__(self, path):
         self.path = path
@@ -160,7 +160,7 @@ def test_reading_a_checkpoint_executes_nothing(copy, tmp_path, write):
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), RuntimeError("enforce fail: file write")])
-def test_a_full_disk_leaves_the_checkpoint_before(copy, monkeypatch, error):
+def test_a_full_disk_leaves_the_previous_checkpoint(copy, monkeypatch, error):
     path = checkpoint_file(copy)
     before, model = path.read_bytes(), build(copy)
     progress = checkpoints.restore(copy, model)
@@ -176,7 +176,7 @@ def test_a_full_disk_leaves_the_checkpoint_before(copy, monkeypatch, error):
     assert [file.name for file in path.parent.iterdir()] == ["checkpoint.pt"]
 
 
-def test_a_curve_is_cut_back_to_the_checkpoint(copy):
+def test_the_curve_is_truncated_to_the_checkpoint(copy):
     curve_file(copy).write_text(json.dumps({"env_steps": 10**9}) + "\n{")
     train(copy, resume=True)
     assert [point["env_steps"] for point in read_curve(copy)] == [256, 512, 768, 1024, 1024]

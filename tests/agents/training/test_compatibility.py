@@ -1,4 +1,4 @@
-"""Other people's tools on our environments: wrappers, learners, a loop of one's own and Minari, all really run."""
+"""Compatibility: Gymnasium wrappers, Stable-Baselines3, a CleanRL loop and Minari on the environments."""
 
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ from agents import make_vec_env
 
 @pytest.fixture(autouse=True)
 def one_thread():
-    """Small networks: a second thread costs more than it gives."""
+    """Use one thread; for small networks a second one is slower."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     yield
@@ -31,7 +31,7 @@ def env():
 
 
 def flown(env, actions):
-    """Fly actions until the end of the flight; return what each step gave."""
+    """Apply actions until the end of the episode; return the results of each step."""
     steps = []
     for action in actions:
         steps.append(env.step(action))
@@ -45,7 +45,7 @@ def random_actions(generator, *shape):
 
 
 def vectorised(num_envs, **arguments):
-    """Return what `gym.make_vec` makes of the batched environment."""
+    """Return the batched environment from `gym.make_vec`."""
     return gym.make_vec("FlatQuad-v0", num_envs=num_envs, vectorization_mode="vector_entry_point", **arguments)
 
 
@@ -103,9 +103,11 @@ class TestVectorStatistics:
         envs = RecordVectorStatistics(vectorised(6, autoreset_mode=mode))
         envs.reset(seed=0)
         returns, ends = np.zeros(6), 0
-        for actions in np.repeat(random_actions(generator, 40, 6), 10, axis=0):  # held, so that flights end apart
+        for actions in np.repeat(
+            random_actions(generator, 40, 6), 10, axis=0
+        ):  # held, so episodes differ in length
             _, rewards, terminated, truncated, infos = envs.step(actions)
-            returns += rewards  # the step that only resets is worth nothing
+            returns += rewards  # the reward of a reset step is zero
             for i in np.flatnonzero(terminated | truncated):
                 final = infos["final_info"] if mode == AutoresetMode.SAME_STEP else infos
                 assert infos["_episode"][i]
@@ -160,7 +162,7 @@ class TestLearners:
 
 
 class Agent(torch.nn.Module):
-    """Actor and critic in CleanRL's manner, small."""
+    """A small actor and critic in the style of CleanRL."""
 
     def __init__(self, envs):
         super().__init__()
@@ -175,7 +177,7 @@ class Agent(torch.nn.Module):
 
 
 def rollout(envs, agent, steps):
-    """Fly as CleanRL does; `done` before a step says that the step only resets. Bootstraps through truncation."""
+    """Roll out as CleanRL does; `done` before a step marks a reset step. Bootstraps at truncation."""
     observations, dones = [envs.reset(seed=0)[0]], [np.zeros(envs.num_envs, bool)]
     actions, rewards, terminations = [], [], []
     for _ in range(steps):
@@ -192,7 +194,7 @@ def rollout(envs, agent, steps):
 
 
 def advantages(rewards, values, terminations, dones, discount=0.99, decay=0.95):
-    """Generalised advantages under NEXT_STEP autoreset; those of steps that only reset are masked by the caller."""
+    """Generalised advantages under NEXT_STEP autoreset; the caller masks those of reset steps."""
     result, last = torch.zeros_like(rewards), torch.zeros_like(rewards[0])
     for t in reversed(range(len(rewards))):
         error = rewards[t] + discount * values[t + 1] * ~terminations[t] - values[t]
@@ -220,7 +222,7 @@ class TestCleanRLLoop:
         assert resets.sum() >= 8
         assert not rewards[resets].any()
         assert not (terminations | dones[1:])[resets].any()
-        assert (observations[1:][resets] == observations[0, 0]).all()  # named scenarios start at the start
+        assert (observations[1:][resets] == observations[0, 0]).all()  # named scenarios have a fixed start
 
     def test_advantages_are_those_of_the_flights_one_by_one(self, agent, flown):
         observations, _, rewards, terminations, dones = flown
@@ -232,7 +234,7 @@ class TestCleanRLLoop:
         for i in range(rewards.shape[1]):
             ends = [-1, *(t for t in range(len(rewards)) if dones[t + 1, i])]
             for before, end in pairwise(ends):
-                first = before + 2 if before >= 0 else 0  # the step in between only resets
+                first = before + 2 if before >= 0 else 0  # the step in between is a reset
                 expected = self.plain(
                     rewards[first : end + 1, i], values[first : end + 2, i], bool(terminations[end, i])
                 )
@@ -271,7 +273,7 @@ class TestCleanRLLoop:
         assert losses[-1] < losses[0]
 
 
-def test_minari_records_flights_that_replay(env, generator, tmp_path, monkeypatch):
+def test_minari_records_episodes_that_replay(env, generator, tmp_path, monkeypatch):
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     collector = minari.DataCollector(env)
     for seed in (1, 2):

@@ -1,4 +1,4 @@
-"""Configurations: through JSON and back, and whatever is wrong refused by name."""
+"""Configurations: JSON round trip, and errors that name the field."""
 
 import json
 from dataclasses import fields, replace
@@ -17,11 +17,11 @@ def test_json_round_trip(algorithm):
     assert json.loads(config.to_json())["algorithm"] == algorithm
 
 
-def test_fields_that_are_missing_have_their_defaults():
+def test_missing_fields_take_their_defaults():
     assert from_json('{"algorithm": "sac", "seed": 2}') == SACConfig(seed=2)
 
 
-def test_numbers_are_stored_as_what_they_are():
+def test_whole_numbers_are_stored_as_floats_in_float_fields():
     config = PPOConfig(tolerance=2)
     assert isinstance(config.tolerance, float)
     assert config == PPOConfig(tolerance=2.0)
@@ -51,14 +51,14 @@ def test_numbers_are_stored_as_what_they_are():
         ("log_std_init", float("inf"), "must be finite"),
     ],
 )
-def test_bad_values_are_named(field, value, words):
+def test_invalid_values_are_named(field, value, words):
     with pytest.raises(ValueError, match=words) as error:
         replace(PPOConfig(), **{field: value})
     assert repr(value) in str(error.value)
     assert f"PPOConfig.{field}" in str(error.value) or field == "scenario"
 
 
-def test_every_field_of_every_algorithm_refuses_what_is_no_value_at_all():
+def test_every_field_of_every_algorithm_checks_its_type():
     for kind in CONFIGS.values():
         for field in fields(kind):
             with pytest.raises(ValueError, match=rf"{kind.__name__}\.{field.name} must be"):
@@ -71,7 +71,7 @@ def test_unknown_fields_are_named_with_the_known_ones():
 
 
 @pytest.mark.parametrize("text", ["", "[]", "3", "{}", '{"algorithm": 3}', '{"algorithm": "PPO"'])
-def test_what_is_no_configuration_is_refused(text):
+def test_text_that_is_no_configuration_is_refused(text):
     with pytest.raises(ValueError, match="a configuration must be"):
         from_json(text)
 

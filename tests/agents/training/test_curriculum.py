@@ -1,4 +1,4 @@
-"""The curriculum: from easy to true, and starts on a demonstrated flight are on it."""
+"""Curriculum: tolerance, start states, and the expert's flight as start states."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from flatgym.scenarios.reference import reference
 DEMONSTRATED = PPOConfig(scenario="slalom", pool_expert_share=0.5)
 
 
-def test_the_price_of_failure_is_fixed():
+def test_the_cost_of_failure_is_fixed():
     envs = FixedFailureCost(make_vec_env("horizontal-3", 4), 0.5)
     envs.reset()
     ended = []
@@ -38,7 +38,7 @@ def test_the_tolerance_tightens_to_the_true_one(problem):
     }
 
 
-def test_flights_come_home_to_the_start():
+def test_the_share_of_pool_starts_falls():
     course = Curriculum(PPOConfig())
     assert course.share(0.0) == course.share(TOLERANCE_SHARE) == 0.8
     assert course.share(1.0) == pytest.approx(0.1)
@@ -50,14 +50,14 @@ def test_a_distribution_has_no_pool_of_starts():
 
 
 @pytest.mark.parametrize("name", ["hoop", "loop", "slalom"])
-def test_from_everywhere_on_the_demonstrated_flight_the_rest_of_it_reaches_the_goal(name):
+def test_the_remaining_actions_reach_the_goal_from_every_state_of_the_expert_flight(name):
     flight, actions = expert_flight(scenario(name)), reference(name).actions
     n = len(actions)
     envs = FlatQuadVectorEnv(n, name)
     envs.reset(options={"state": flight.state, "hoops_passed": flight.hoops_passed})
     ended = np.zeros(n, dtype=object)
     for k in range(n):
-        # Vehicle i begins with action i; who has arrived is ignored.
+        # Vehicle i starts with action i; ended episodes are ignored.
         rows = np.minimum(np.arange(n) + k, n - 1)
         infos = envs.step(actions[rows])[4]
         last = np.arange(n) + k == n - 1
@@ -66,7 +66,7 @@ def test_from_everywhere_on_the_demonstrated_flight_the_rest_of_it_reaches_the_g
 
 
 @pytest.mark.parametrize("done", [0.0, 0.2, TOLERANCE_SHARE, 1.0])
-def test_demonstrated_starts_go_back_from_the_goal(done):
+def test_expert_starts_extend_backwards_from_the_goal(done):
     course = Curriculum(DEMONSTRATED)
     flight, pool = course.flight, course.starts(done)
     rows = {tuple(state): i for i, state in enumerate(flight.state)}
@@ -79,7 +79,7 @@ def test_demonstrated_starts_go_back_from_the_goal(done):
     np.testing.assert_array_equal(course.starts(done).state, pool.state)
 
 
-def test_an_unknown_scenario_is_demonstrated_by_the_solver():
+def test_the_solver_provides_the_expert_flight_of_an_unknown_scenario():
     near = Scenario("near", (0.0, 0.0), (1.0, 0.0), hoops=(Hoop(0.5, 0.0, 1.0),))
     flight = expert_flight(near)
     np.testing.assert_array_equal(flight.state[0], near.start_state)
@@ -98,7 +98,7 @@ def test_a_fleet_samples_starts_from_a_replaced_pool(kind):
     np.testing.assert_array_equal(record.counts[1], 1)
 
 
-def test_environments_become_what_the_curriculum_says():
+def test_the_curriculum_sets_the_environments():
     course = curriculum(DEMONSTRATED)
     envs = FixedFailureCost(make_vec_env("slalom", 8, starts=course.starts(0.0), seed=0), 0.5)
     envs.reset()

@@ -1,4 +1,4 @@
-"""Training: reproducible, stops when told, keeps the best policy, starts from one, and its files load."""
+"""Training: reproducibility, stopping, the best policy, initial policies, and files."""
 
 import csv
 import json
@@ -12,12 +12,11 @@ import torch
 
 from agents import policies
 from agents.evaluation.rollouts import fly
-from agents.evaluation.validation import rank
 from agents.policies import archive
 from agents.training.callbacks import PPOCallback
 from agents.training.configs import CONFIGS, PPOConfig, SACConfig, config_of
 from agents.training.models import build
-from agents.training.progress import Progress, read_curve
+from agents.training.progress import read_curve
 from agents.training.train import train
 from flatgym.scenarios.reference import reference
 
@@ -70,7 +69,7 @@ def test_width_and_depth_are_those_of_the_configuration(small):
     assert [layer.out_features for layer in policy.mlp_extractor.value_net[::2]] == [32, 32, 32]
 
 
-def test_it_stops_by_the_clock(small):
+def test_it_stops_at_the_time_limit(small):
     training = train(replace(small, env_steps=10**9, max_seconds=1.0))
     assert training.wall_time_s < 10
     assert training.model.exists()
@@ -94,13 +93,13 @@ class OpenLoop:
         return self.actions[self.k : self.k + 1], None
 
 
-def test_the_best_policy_is_kept_not_the_last(small, monkeypatch):
+def test_the_best_policy_is_stored_not_the_last(small, monkeypatch):
     known, models = reference("horizontal-3"), []
 
     def second_is_best(model, *_):
         models.append({name: value.clone() for name, value in model.policy.state_dict().items()})
-        tape = OpenLoop(known.actions if len(models) == 2 else np.zeros((250, 2), np.float32))
-        return fly(tape, "horizontal-3")
+        policy = OpenLoop(known.actions if len(models) == 2 else np.zeros((250, 2), np.float32))
+        return fly(policy, "horizontal-3")
 
     monkeypatch.setattr("agents.evaluation.validation.fly", second_is_best)
     training = train(small)
@@ -110,13 +109,6 @@ def test_the_best_policy_is_kept_not_the_last(small, monkeypatch):
     assert not all(torch.equal(value, models[-1][name]) for name, value in kept.items())
 
 
-def test_success_comes_before_speed_and_the_first_of_equals_is_best():
-    points = [{"success_rate": rate, "steps": steps} for rate, steps in ((0, 9), (0.5, 70), (1, 90), (1, 80), (1, 80))]
-    assert sorted(points, key=rank) == points
-    assert Progress(curve=points).best is points[3]
-    assert Progress(curve=points[:1]).best is None
-
-
 def test_stable_baselines3_logs_each_session_as_csv(small, tmp_path):
     train(small)
     with (tmp_path / "logs" / "from-0" / "progress.csv").open() as file:
@@ -124,13 +116,13 @@ def test_stable_baselines3_logs_each_session_as_csv(small, tmp_path):
     assert [int(row["time/total_timesteps"]) for row in rows] == list(range(256, 2049, 256))
 
 
-def test_a_missing_tensorboard_is_named_before_anything_is_trained(small, monkeypatch):
+def test_a_missing_tensorboard_is_named_before_training(small, monkeypatch):
     monkeypatch.setattr("flatgym.extras.find_spec", lambda _: None)
     with pytest.raises(ImportError, match=r"tensorboard not installed; run: pip install 'flatgym\[tensorboard\]'"):
         train(replace(small, tensorboard=True))
 
 
-def test_the_curriculum_runs_with_the_steps(small):
+def test_the_curriculum_follows_the_environment_steps(small):
     model, seen = build(small), []
     envs = model.get_env()
 
@@ -156,13 +148,13 @@ def test_the_curriculum_runs_with_the_steps(small):
 
 @pytest.fixture
 def clone(tmp_path):
-    """A policy to start from, of another shape than the configuration asks."""
+    """A policy to start from, with another network than the configuration."""
     return policies.save(
         build(replace(SMALL, width=24, depth=1, observation_scale=2.0, seed=5)), tmp_path / "clone.zip"
     )
 
 
-def test_training_starts_from_a_policy_as_it_is(small, clone):
+def test_training_starts_with_the_weights_of_the_policy(small, clone):
     model = build(replace(small, policy=str(clone), log_std_init=-2.0))
     start = load(clone).policy.state_dict()
     for name, value in model.policy.state_dict().items():
@@ -170,7 +162,7 @@ def test_training_starts_from_a_policy_as_it_is(small, clone):
 
 
 @pytest.mark.parametrize(("warmup", "learns"), [(100, False), (3, True)])
-def test_at_first_only_the_critic_learns(small, clone, monkeypatch, warmup, learns):
+def test_during_warmup_only_the_critic_learns(small, clone, monkeypatch, warmup, learns):
     config = replace(small, policy=str(clone), value_warmup=warmup)
     before, models = load(clone).policy.state_dict(), []
     monkeypatch.setattr(sys.modules[train.__module__], "build", _keep(build, models))
@@ -194,18 +186,18 @@ def _keep(function, results):
     return keeping
 
 
-def test_a_policy_that_cannot_be_started_from_is_named(small, clone):
+def test_an_unsuitable_initial_policy_is_named(small, clone):
     with pytest.raises(ValueError, match=r"PPOConfig.policy must be a file or one of the pretrained .*'nowhere.zip'"):
         build(replace(small, policy="nowhere.zip"))
     with pytest.raises(ValueError, match=r"clone.zip is a policy of PPO; SAC cannot start from it"):
         build(SACConfig(scenario="horizontal-3", num_envs=2, buffer_size=10, policy=str(clone)))
 
 
-def test_a_pretrained_policy_is_started_from_by_name(small, clone, monkeypatch):
+def test_a_pretrained_policy_is_an_initial_policy_by_name(small, clone, monkeypatch):
     monkeypatch.setattr(archive, "PRETRAINED", clone.parent)
     model = build(replace(small, policy="clone"))
     assert torch.equal(model.policy.action_net.weight, load(clone).policy.action_net.weight)
 
 
-def test_an_untouched_run_has_no_curve(tmp_path):
+def test_a_new_run_has_no_curve(tmp_path):
     assert read_curve(replace(SMALL, folder=str(tmp_path / "nowhere"))) == []

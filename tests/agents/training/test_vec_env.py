@@ -12,7 +12,7 @@ from flatgym.envs.config import Starts
 from flatgym.envs.vector import FlatQuadVectorEnv
 
 
-def test_it_flies_like_the_scalar_environment(generator):
+def test_it_matches_the_scalar_environment(generator):
     vec, single = (
         make_vec_env("ground-6", 3, reward="sparse", seed=0),
         gym.make("FlatQuad-v0", scenario="ground-6", reward="sparse"),
@@ -41,7 +41,7 @@ def test_it_flies_like_the_scalar_environment(generator):
     assert ends >= 3
 
 
-def test_truncation_is_told_from_termination():
+def test_truncation_differs_from_termination():
     vec = make_vec_env("hoop", 2)
     vec.reset()
     hover = np.tile(vec.envs.scenario.quadrotor.action([9.81, 0.0]), (2, 1)).astype(np.float32)
