@@ -134,9 +134,9 @@ def _replanned_flights(
     """Yield the replanned flights: stored ones first, then the others in order of completion, storing them."""
     left = []
     for key, start in tasks.items():
-        kept = None if store is None else start.stored(store).read(start.flight.scenario)
-        if isinstance(kept, FewestSteps):
-            yield key, kept
+        cached = None if store is None else start.stored(store).read(start.flight.scenario)
+        if isinstance(cached, FewestSteps):
+            yield key, cached
         else:
             left.append((key, start))
     left.sort(key=lambda task: _program_key(task[1]))

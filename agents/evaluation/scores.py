@@ -93,12 +93,12 @@ def episode_rows(
     target = catalogue.problem(problem)
     if optimum is not None and optimum.scenario != target:
         raise ValueError(f"optimum must be one of {target.name!r}, got that of {optimum.scenario.name!r}")
-    flown = fly(policy, target, episodes, seed, disturbances)
-    return score_episodes(flown, target, seed, optimum=optimum, disturbances=disturbances, store=store)
+    rollouts = fly(policy, target, episodes, seed, disturbances)
+    return score_episodes(rollouts, target, seed, optimum=optimum, disturbances=disturbances, store=store)
 
 
 def score_episodes(
-    flown: Episodes,
+    rollouts: Episodes,
     problem: ProblemLike,
     seed: int = EVALUATION_SEED,
     *,
@@ -109,28 +109,28 @@ def score_episodes(
     """Return one row per episode, as `episode_rows` does, for episodes that `fly` returned.
 
     Args:
-        flown: the episodes, with consecutive seeds.
+        rollouts: the episodes, with consecutive seeds.
         problem, seed, optimum, disturbances, store: as in `episode_rows`.
 
     Raises:
         FasterThanOptimal, SolveFailed: as in `episode_rows`.
     """
     target = catalogue.problem(problem)
-    seeds = seed + np.arange(len(flown.steps))
+    seeds = seed + np.arange(len(rollouts.steps))
     k_star, proven = optima(target, seeds, store) if optimum is None else Optima.of([optimum]).repeat(len(seeds))
-    succeeded = np.array([word == "goal" for word in flown.outcomes])
-    for i in np.flatnonzero(succeeded & (flown.steps < k_star) & (not disturbances.active)):
+    succeeded = np.array([word == "goal" for word in rollouts.outcomes])
+    for i in np.flatnonzero(succeeded & (rollouts.steps < k_star) & (not disturbances.active)):
         scenario = target if isinstance(target, Scenario) else target.scenario(int(seeds[i]))
-        raise FasterThanOptimal(scenario, k_star[i], flown.actions[i], flown.states[i])
+        raise FasterThanOptimal(scenario, k_star[i], rollouts.actions[i], rollouts.states[i])
     return pd.DataFrame(
         {
             "scenario": target.name,
             "seed": seeds,
-            "outcome": flown.outcomes,
-            "steps": flown.steps,
+            "outcome": rollouts.outcomes,
+            "steps": rollouts.steps,
             "k_star": k_star,
             "proven": proven,
-            "gap": np.where(succeeded, flown.steps / k_star - 1, np.nan),
+            "gap": np.where(succeeded, rollouts.steps / k_star - 1, np.nan),
         }
     )
 

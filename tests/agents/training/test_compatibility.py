@@ -103,9 +103,7 @@ class TestVectorStatistics:
         envs = RecordVectorStatistics(vectorised(6, autoreset_mode=mode))
         envs.reset(seed=0)
         returns, ends = np.zeros(6), 0
-        for actions in np.repeat(
-            random_actions(generator, 40, 6), 10, axis=0
-        ):  # held, so episodes differ in length
+        for actions in np.repeat(random_actions(generator, 40, 6), 10, axis=0):  # held, so episodes differ in length
             _, rewards, terminated, truncated, infos = envs.step(actions)
             returns += rewards  # the reward of a reset step is zero
             for i in np.flatnonzero(terminated | truncated):
