@@ -1,4 +1,4 @@
-"""Events inside a step against brute force on a fine grid of the same arc."""
+"""Events within a step, compared with brute force on a fine grid of the same arc."""
 
 import numpy as np
 
@@ -54,14 +54,14 @@ def test_lowest_point_and_closest_approach(generator, quadrotor):
     assert np.all((exact <= near + 1e-12) & (exact >= near - 1e-3))
 
 
-def test_reach_bounds_every_way(generator, quadrotor):
+def test_reach_bounds_the_distance_travelled(generator, quadrotor):
     arc = arcs(generator, quadrotor)
     _, positions = dense(arc, 101)
     travelled = np.hypot(*(positions - positions[:, :1]).transpose(2, 0, 1)).max(axis=1)
     assert np.all(travelled <= arc.reach)
 
 
-def test_no_approach_is_missed_on_long_steps(generator, quadrotor):
+def test_closest_approaches_are_found_on_long_steps(generator, quadrotor):
     # Two closest approaches within one step, and points the vehicle circles or stays with.
     arc = arcs(generator, quadrotor, n=500, dt=0.5)
     point = generator.normal(0, 1.0, (len(arc), 2))
@@ -73,7 +73,7 @@ def test_no_approach_is_missed_on_long_steps(generator, quadrotor):
     np.testing.assert_allclose(hover.distance(np.array([[0.3, 0.4], [0.0, 0.0]])), [0.5, 0.0], atol=1e-9)
 
 
-def test_what_hovers_beside_a_point_is_seen_to_hover_however_long_the_step(quadrotor):
+def test_the_distance_of_a_hovering_vehicle_is_found_on_long_steps(quadrotor):
     for dt in (0.02, 10.0, 1e4):
         arc = Arc(quadrotor, np.zeros((2, 5)), np.array([[9.81, 0.0], [9.81, 1e-12]]), dt)
         point = np.array([[0.3, 0.4], [0.0, 0.1]])

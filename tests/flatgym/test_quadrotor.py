@@ -68,14 +68,14 @@ def test_many_small_steps_are_one(generator, quadrotor):
     np.testing.assert_allclose(after, quadrotor.step(state, control, LONGEST), atol=1e-11)
 
 
-def test_no_time_changes_nothing_and_negative_time_takes_the_step_back(generator, quadrotor):
+def test_a_step_of_zero_time_is_the_identity_and_of_negative_time_the_inverse(generator, quadrotor):
     state, control = draw(generator, quadrotor, 1000)
     h = generator.uniform(0, LONGEST, 1000)
     np.testing.assert_array_equal(quadrotor.step(state, control, 0.0), state)
     np.testing.assert_allclose(quadrotor.step(quadrotor.step(state, control, h), control, -h), state, atol=1e-12)
 
 
-def test_a_film_run_backwards_is_a_flight_too(generator, quadrotor):
+def test_time_reversal_gives_a_solution(generator, quadrotor):
     """With velocities and rate reversed and the tilt kept, the vehicle flies back the way it came.
 
     Thrust is kept: acceleration does not change its sign when time does.
@@ -94,7 +94,7 @@ def test_left_and_right_are_mirror_images(generator, quadrotor):
     np.testing.assert_allclose(mirrored, quadrotor.step(state, control, h) * MIRROR_STATE, atol=1e-13)
 
 
-def test_place_speed_of_the_observer_and_whole_turns_do_not_matter(generator, quadrotor):
+def test_steps_are_invariant_to_translation_galilean_boost_and_whole_turns(generator, quadrotor):
     state, control = draw(generator, quadrotor, 1000)
     h = generator.uniform(0, LONGEST, 1000)
     place, speed = generator.normal(0, 5, (2, 1000, 2))
@@ -129,7 +129,7 @@ def test_energy_changes_by_the_work_of_the_thrust(generator, quadrotor):
     np.testing.assert_allclose(gained, weights @ power * h / 2, atol=1e-10)
 
 
-def test_zero_rate_is_the_parabola_and_small_rates_lead_there(generator, quadrotor):
+def test_zero_rate_gives_a_parabola_and_is_the_limit_of_small_rates(generator, quadrotor):
     state, control = draw(generator, quadrotor, 1000)
     h = generator.uniform(0, LONGEST, 1000)
     control[:, 1] = 0.0
@@ -158,7 +158,7 @@ def test_batch_equals_loop_over_leading_axes(generator, quadrotor):
     np.testing.assert_array_equal(slopes[2, 1], quadrotor.derivative(state[2, 1], control[1]))
 
 
-def test_step_takes_lists_and_leaves_its_arguments_alone(generator, quadrotor):
+def test_step_accepts_lists_and_does_not_change_its_arguments(generator, quadrotor):
     state, control = draw(generator, quadrotor, 3)
     copies = state.copy(), control.copy()
     listed = quadrotor.step(state.tolist(), control.tolist(), [0.1, 0.2, 0.3])
@@ -167,7 +167,7 @@ def test_step_takes_lists_and_leaves_its_arguments_alone(generator, quadrotor):
     np.testing.assert_array_equal(control, copies[1])
 
 
-def test_symbols_fly_the_same_step(generator, quadrotor):
+def test_the_step_of_casadi_symbols_is_the_same(generator, quadrotor):
     """The formulas take CasADi's symbols for arrays, as the solvers need it."""
     ca = pytest.importorskip("casadi")
 
@@ -184,7 +184,7 @@ def test_symbols_fly_the_same_step(generator, quadrotor):
     np.testing.assert_allclose(twin, quadrotor.step(states, controls, times), atol=1e-12)
 
 
-def test_bessel_functions_are_those_of_scipy_on_both_sides_of_the_seam():
+def test_bessel_functions_equal_those_of_scipy():
     seam = np.nextafter(0.5, [0.0, 1.0])
     a = np.concatenate([np.linspace(-4, 4, 4001), seam, -seam])
     for order, value in enumerate(spherical_bessel(a)):
@@ -214,12 +214,12 @@ def test_actions_map_onto_the_control_box_and_back(generator, quadrotor):
         ("radius", "wide", "radius must be a number, got 'wide'"),
     ],
 )
-def test_impossible_vehicles_are_refused(field, value, words):
+def test_invalid_vehicles_are_rejected(field, value, words):
     with pytest.raises(ValueError, match=words):
         Quadrotor(**{field: value})
 
 
-def test_arcs_flown_together_are_those_flown_one_after_the_other(generator, quadrotor):
+def test_summed_arcs_equal_successive_steps(generator, quadrotor):
     controls = generator.uniform(quadrotor.control_low, quadrotor.control_high, (40, 2))
     dt = generator.uniform(0.001, 0.1, 40)
     states = [generator.normal(size=5)]

@@ -1,4 +1,4 @@
-"""What an environment is made with: checked by name, and where the clock of a course stands."""
+"""Environment configuration: validation by name, and the step limits."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ HOOP, HOOPS = SCENARIOS["hoop"], DISTRIBUTIONS["random-hoops"]
 REST = np.zeros((3, 5))
 
 
-def test_a_course_tells_what_its_problem_tells():
+def test_a_config_has_the_properties_of_its_problem():
     vehicle, tolerance = Quadrotor(rate_max=5.0), Tolerance(0.2)
     for problem in (HOOP, HOOPS):
         config = EnvConfig(replace(problem, quadrotor=vehicle, tolerance=tolerance, dt=0.01))
@@ -25,11 +25,11 @@ def test_a_course_tells_what_its_problem_tells():
 
 
 @pytest.mark.parametrize("most", [1, 249, 250, 251, STEPS_MOST, np.int64(7)])
-def test_the_last_step_is_the_sooner_of_two(most):
+def test_the_last_step_is_the_earlier_of_both_limits(most):
     assert EnvConfig(HOOP, steps_most=most).last_step == min(most, HOOP.max_steps)
 
 
-def test_an_earlier_end_changes_neither_reward_nor_the_time_seen(generator):
+def test_max_episode_steps_changes_neither_reward_nor_observed_time(generator):
     long, short = (FlatQuadVectorEnv(4, HOOP, "sparse", max_episode_steps=most) for most in (None, 5))
     for envs in (long, short):
         envs.reset(seed=0)
@@ -42,7 +42,7 @@ def test_an_earlier_end_changes_neither_reward_nor_the_time_seen(generator):
         assert other[3].all() == (i == 4)
 
 
-def test_a_goal_in_the_last_step_is_a_goal_and_not_the_end_of_the_clock():
+def test_a_goal_in_the_last_step_is_not_a_truncation():
     # Gymnasium's TimeLimit, which cannot look inside, sets both flags there.
     envs = FlatQuadVectorEnv(1, "diagonal", max_episode_steps=1)
     envs.reset(options={"state": [5, 5, 0, 0, 0]})
@@ -50,7 +50,7 @@ def test_a_goal_in_the_last_step_is_a_goal_and_not_the_end_of_the_clock():
     assert (terminated[0], truncated[0], infos["outcome"][0]) == (True, False, "goal")
 
 
-def test_starts_are_floats_and_nobody_has_passed_a_hoop_unless_one_says_so():
+def test_starts_are_floats_with_no_hoop_passed_by_default():
     starts = Starts([[0, 0, 0, 0, 0], [1, 2, 3, 4, 5]])
     assert starts.state.dtype == np.float64
     assert starts.hoops_passed.tolist() == [0, 0]
@@ -94,12 +94,12 @@ def test_starts_are_a_copy():
         (lambda: Starts(REST, share="all"), r"Starts\.share must be a number, got 'all'"),
     ],
 )
-def test_what_makes_no_course_is_named(make, words):
+def test_invalid_configs_are_named(make, words):
     with pytest.raises(ValueError, match=words):
         make()
 
 
-def test_states_are_bounded_and_of_their_shape():
+def test_start_states_are_bounded_and_have_the_right_shape():
     assert check_states([STATE_MOST] * 5, (), "here").tolist() == [STATE_MOST] * 5
     for wrong in ([2 * STATE_MOST] * 5, [0] * 4, [[0] * 5], "state", None, [10**400] * 5):
         with pytest.raises(ValueError, match="here must be"):

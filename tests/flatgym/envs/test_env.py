@@ -1,4 +1,4 @@
-"""FlatQuad-v0: what Gymnasium and SB3 ask of an environment, and clear words for misuse."""
+"""FlatQuad-v0: the requirements of Gymnasium and SB3, and clear errors for misuse."""
 
 import copy
 import math
@@ -22,7 +22,7 @@ INFO_KEYS = {"state", "time", "steps", "hoops_passed", "is_success", "outcome", 
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_gymnasium_and_sb3_find_no_fault(name):
+def test_environment_checkers_of_gymnasium_and_sb3_pass(name):
     env = gym.make("FlatQuad-v0", scenario=name).unwrapped
     check_env(env)
     check_env_sb3(env)
@@ -42,7 +42,7 @@ def test_episodes_end_with_one_outcome_and_the_same_info_keys(generator):
         assert info["is_success"] == (info["outcome"] == "goal")
 
 
-def test_reset_starts_anywhere():
+def test_reset_options_set_the_start():
     env = gym.make("FlatQuad-v0", scenario="hoop")
     observation, info = env.reset(options={"state": [4.9, 5.0, 0, 0, 0], "hoops_passed": 1})
     assert len(observation) == len(OBSERVATION_NAMES)
@@ -53,7 +53,7 @@ def test_reset_starts_anywhere():
     assert info["outcome"] == "goal"
 
 
-def test_finite_actions_beyond_the_box_are_clipped():
+def test_finite_actions_outside_the_box_are_clipped():
     env = gym.make("FlatQuad-v0").unwrapped
     env.reset()
     beyond = env.step(np.array([7.0, -9.0]))[0]
@@ -70,7 +70,7 @@ def test_finite_actions_beyond_the_box_are_clipped():
         ([[0.0, 0.0]], r"must have shape \(2,\), got \(1, 2\)"),
     ],
 )
-def test_bad_actions_are_refused(action, words):
+def test_invalid_actions_are_rejected(action, words):
     env = gym.make("FlatQuad-v0").unwrapped
     env.reset()
     with pytest.raises(ValueError, match=words):
@@ -86,12 +86,12 @@ def test_bad_actions_are_refused(action, words):
         ({"hoops_passed": 2}, r"must lie in 0\.\.1, got 2"),
     ],
 )
-def test_bad_reset_options_are_refused(options, words):
+def test_invalid_reset_options_are_rejected(options, words):
     with pytest.raises(ValueError, match=words):
         gym.make("FlatQuad-v0").unwrapped.reset(options=options)
 
 
-def test_steps_before_reset_and_after_the_end_say_so():
+def test_steps_before_reset_and_after_the_end_raise_reset_needed():
     env = gym.make("FlatQuad-v0").unwrapped
     with pytest.raises(gym.error.ResetNeeded, match="call reset"):
         env.step(np.zeros(2))
@@ -101,7 +101,7 @@ def test_steps_before_reset_and_after_the_end_say_so():
         env.step(np.zeros(2))
 
 
-def test_unknown_words_are_refused():
+def test_unknown_argument_values_are_rejected():
     with pytest.raises(ValueError, match="unknown scenario 'hop'"):
         gym.make("FlatQuad-v0", scenario="hop")
     with pytest.raises(ValueError, match="unknown reward 'dense'; known: shaped, sparse"):
@@ -118,12 +118,12 @@ def test_unknown_arguments_are_named():
 
 
 @pytest.mark.parametrize("num_envs", [0, -1, 2.5, True, "3", None])
-def test_a_batch_has_a_whole_number_of_vehicles(num_envs):
+def test_num_envs_must_be_a_positive_integer(num_envs):
     with pytest.raises(ValueError, match="num_envs must be"):
         FlatQuadVectorEnv(num_envs)
 
 
-def test_huge_actions_are_finite_ones():
+def test_huge_finite_actions_are_clipped():
     env = FlatQuadEnv()
     env.reset()
     huge = env.step(np.full(2, np.finfo(np.float64).max))[0]
@@ -132,7 +132,7 @@ def test_huge_actions_are_finite_ones():
 
 
 @pytest.mark.parametrize("action", ["up", [None, 0.0], [[0.0], 1.0], [10**400, 0], np.array([1j, 0])])
-def test_actions_that_are_no_numbers_are_refused_and_nothing_is_flown(action):
+def test_nonnumeric_actions_are_rejected_without_a_step(action):
     env = FlatQuadEnv()
     _, info = env.reset()
     with pytest.raises(ValueError, match="actions must be an array of numbers"):
@@ -151,7 +151,7 @@ def test_every_component_of_an_observation_has_a_name(observation):
     assert observation_names() == OBSERVATION_NAMES
 
 
-def test_the_state_observed_is_the_state_told(generator):
+def test_the_observed_state_is_that_of_info(generator):
     env, envs = FlatQuadEnv(observation="state"), FlatQuadVectorEnv(3, observation="state")
     for one in (env, envs):
         observation, info = one.reset(seed=0)
@@ -160,7 +160,7 @@ def test_the_state_observed_is_the_state_told(generator):
             observation, *_, info = one.step(generator.uniform(-1, 1, one.action_space.shape))
 
 
-def test_what_was_told_does_not_change_later(generator):
+def test_returned_values_do_not_change_later(generator):
     for env in (FlatQuadEnv("random-goal"), FlatQuadVectorEnv(3, "random-goal", autoreset_mode="SameStep")):
         told = [env.reset(seed=0)]
         for _ in range(30):
@@ -175,7 +175,7 @@ def test_what_was_told_does_not_change_later(generator):
             np.testing.assert_equal(then[-1], now[-1])
 
 
-def test_a_ghost_belongs_to_a_named_scenario_or_is_given():
+def test_a_ghost_needs_a_named_scenario_or_states():
     other = replace(SCENARIOS["hoop"], dt=0.01)
     for scenario in (other, DISTRIBUTIONS["random-hoops"]):
         with pytest.raises(ValueError, match=r"no K\*-step solution is stored .*; give states of shape \(K\+1, 5\)"):
@@ -193,7 +193,7 @@ def test_a_ghost_belongs_to_a_named_scenario_or_is_given():
 
 @pytest.mark.parametrize("make", [FlatQuadEnv, lambda *kind: FlatQuadVectorEnv(3, *kind)], ids=["scalar", "batched"])
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_a_copy_in_mid_flight_flies_on_as_the_original(make, duplicate, generator):
+def test_a_copy_within_an_episode_continues_as_the_original(make, duplicate, generator):
     env = make("random-hoops")
     env.reset(seed=3)
     env.step(env.action_space.high)
@@ -207,7 +207,7 @@ def test_a_copy_in_mid_flight_flies_on_as_the_original(make, duplicate, generato
     np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
 
 
-def test_processes_fly_the_same():
+def test_processes_give_the_same_episodes():
     envs = gym.make_vec("FlatQuad-v0", 2, "async", scenario="random-goal")
     try:
         observation, _ = envs.reset(seed=5)
@@ -223,7 +223,7 @@ def test_processes_fly_the_same():
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_the_best_flights_known_reach_the_goal_in_k_star_steps_and_earn_minus_their_time(name):
+def test_best_known_solutions_reach_the_goal_in_k_star_steps_with_return_minus_time(name):
     known = reference(name)
     env, envs = FlatQuadEnv(name, "sparse"), FlatQuadVectorEnv(3, name, "sparse", autoreset_mode="SameStep")
     env.reset()
@@ -256,7 +256,7 @@ def mirrored(scenario):
 
 
 @pytest.mark.parametrize("name", ["ground-6", "slalom", "loop"])
-def test_a_mirrored_scenario_is_flown_by_mirrored_actions(name, generator):
+def test_mirrored_actions_solve_the_mirrored_scenario(name, generator):
     known, flights = reference(name).actions, generator.uniform(-1, 1, (5, len(reference(name).actions), 2))
     envs, others = (FlatQuadVectorEnv(6, scenario) for scenario in (SCENARIOS[name], mirrored(SCENARIOS[name])))
     seen, image = envs.reset(seed=0), others.reset(seed=0)
@@ -271,7 +271,7 @@ def test_a_mirrored_scenario_is_flown_by_mirrored_actions(name, generator):
     assert seen[4]["outcome"][0] == "goal"
 
 
-def test_a_failed_flight_pays_the_rest_of_its_time():
+def test_a_failed_episode_pays_the_remaining_time_limit():
     env = FlatQuadEnv("ground-6", "sparse")
     env.reset()
     total, terminated = 0.0, False

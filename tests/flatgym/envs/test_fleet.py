@@ -1,4 +1,4 @@
-"""The compiled fleet is the NumPy one, to 1e-9, in everything it does."""
+"""The compiled fleet equals the NumPy fleet to 1e-9."""
 
 import subprocess
 import sys
@@ -71,7 +71,7 @@ def agree(plain, fast):
 
 
 @pytest.mark.parametrize("name", [*SCENARIOS, *DISTRIBUTIONS])
-def test_both_fleets_fly_alike(name):
+def test_both_fleets_agree(name):
     easy = replace(problem(name), tolerance=Tolerance(0.45, 3.0, 0.8))
     config = EnvConfig(easy, starts=pool(easy) if name in SCENARIOS else None)
     met, passed = lockstep(config, 150)
@@ -82,7 +82,7 @@ def test_both_fleets_fly_alike(name):
     lockstep(replace(config, disturbances=EVERYTHING), 60, same_step=False)
 
 
-def test_every_outcome_is_met_by_both_alike():
+def test_both_fleets_flown_every_outcome():
     rough = Scenario(
         "rough",
         (0, 0),
@@ -102,7 +102,7 @@ def test_every_outcome_is_met_by_both_alike():
     assert met["out-of-bounds"] > 10, met
 
 
-def test_long_steps_cross_several_hoops_and_turn_far():
+def test_both_fleets_flown_long_steps_through_several_hoops():
     hoops = tuple(Hoop(0.3 * i, 0.1 * i, 1.0, 0.4 * i) for i in range(1, 6))
     long = Scenario("long", (0, 0), (6, 0), hoops=hoops, dt=0.3, quadrotor=Quadrotor(rate_max=20.0))
     _, passed = lockstep(EnvConfig(long, starts=pool(long, speed=10.0)), 100)
@@ -112,7 +112,7 @@ def test_long_steps_cross_several_hoops_and_turn_far():
     assert met["collision"] > 100
 
 
-def test_tolerance_and_share_may_change_on_the_way():
+def test_tolerance_and_share_may_change_within_episodes():
     scenario, eased = SCENARIOS["diagonal"], Tolerance(3.0, 30.0, 3.0)
     config = EnvConfig(scenario, starts=pool(scenario))
     fleets = [kind(config, N) for kind in (NumpyFleet, CompiledFleet)]
@@ -132,7 +132,32 @@ def test_tolerance_and_share_may_change_on_the_way():
     assert goals[20] > goals[19]
 
 
-def test_given_starts_replace_drawn_ones():
+@pytest.mark.parametrize("size", [20, 500, 2000])
+def test_a_replaced_pool_of_starts_is_used_from_the_next_episode(size):
+    scenario = SCENARIOS["slalom"]
+    old, new = pool(scenario), pool(scenario, size, speed=3.0)
+    old, new = replace(old, state=old.state + 0.1), replace(new, state=new.state - 0.1, share=0.0)
+    results = []
+    for kind in (NumpyFleet, CompiledFleet):
+        fleet = kind(EnvConfig(scenario, starts=old), N)
+        fleet.reseed(ALL, np.arange(N, dtype=np.uint64))
+        fleet.reset(ALL)
+        fleet.set_starts(new)
+        assert fleet.config.starts is new
+        assert fleet.share == old.share
+        flown = fly(fleet, np.zeros((N, 2)))
+        fleet.reseed(ALL, None)
+        _, record = fleet.reset(ALL)
+        results.append((flown, record))
+        in_pool = (record.numbers[0:5].T[:, None] == new.state).all(axis=2).any(axis=1)
+        assert 0.8 < in_pool.mean() < 1
+    agree(results[0][0], results[1][0])
+    np.testing.assert_array_equal(results[0][1].numbers, results[1][1].numbers)
+    with pytest.raises(ValueError, match="hoops_passed must not exceed the 3 hoops"):
+        fleet.set_starts(Starts(new.state, np.full(size, 4)))
+
+
+def test_given_starts_replace_sampled_ones():
     for kind in (NumpyFleet, CompiledFleet):
         fleet, mask = kind(EnvConfig(SCENARIOS["slalom"]), N), np.arange(N) % 2 == 0
         fleet.reset(ALL)
@@ -143,7 +168,7 @@ def test_given_starts_replace_drawn_ones():
         np.testing.assert_array_equal(record.counts[1], 2 * mask)
 
 
-def test_without_numba_numpy_flies():
+def test_without_numba_the_numpy_fleet_is_used():
     assert isinstance(make_fleet(EnvConfig(SCENARIOS["hoop"]), 2), CompiledFleet)
     code = (
         "import sys; sys.modules['numba'] = None\n"

@@ -1,7 +1,7 @@
-"""Whatever the scenario and the actions: no crash, no NaN, observations in their space, one outcome at the end.
+"""Fuzzing: for any scenario and actions no crash, no NaN, observations in their space, one outcome at the end.
 
-Hypothesis looks for extreme scenarios and actions, a seeded loop flies many ordinary ones, where hoops, rims, floors
-and goals are met. And whatever else is handed over is refused by the name of what it was handed over as.
+Hypothesis searches extreme scenarios and actions. A seeded loop runs many ordinary ones with contacts of hoops, rims,
+floors and goals. Invalid arguments are rejected by name.
 """
 
 import json
@@ -146,7 +146,7 @@ def fly(env, actions, **reset):
     options,
     st.lists(pairs, min_size=1, max_size=5),
 )
-def test_any_scenario_flies_to_one_outcome(kind, problem, disturbed, reward, observation, start, actions):
+def test_every_episode_ends_with_one_outcome(kind, problem, disturbed, reward, observation, start, actions):
     if isinstance(problem, Scenario):
         assert Scenario.from_json(problem.to_json()) == problem
     with patch("flatgym.envs.env.make_fleet", kind):
@@ -320,7 +320,7 @@ def try_out(env):
 @pytest.mark.parametrize("owner", OWNERS)
 @fuzz(300)
 @given(st.data())
-def test_what_is_refused_is_refused_by_its_name(owner, data):
+def test_rejected_calls_are_named(owner, data):
     make, others, names = OWNERS[owner]
     name = data.draw(st.sampled_from(names))
     value = data.draw(st.one_of(junk, st.integers(-(10**400), 10**400)) if name != "num_envs" else junk)
@@ -333,7 +333,7 @@ def test_what_is_refused_is_refused_by_its_name(owner, data):
 
 @fuzz(300)
 @given(st.dictionaries(st.sampled_from([field.name for field in fields(Scenario)]), junk), st.integers(0, 200))
-def test_a_text_is_a_scenario_or_refused(changes, cut):
+def test_a_text_is_a_scenario_or_rejected(changes, cut):
     text = json.dumps(plain.to_dict() | changes, default=str)
     for one in (text, text[: len(text) - cut]):
         words = refusal(lambda one=one: Scenario.from_json(one))
@@ -343,7 +343,7 @@ def test_a_text_is_a_scenario_or_refused(changes, cut):
 @pytest.mark.parametrize("make", [FlatQuadEnv, lambda: FlatQuadVectorEnv(2)], ids=["scalar", "batched"])
 @fuzz(200)
 @given(st.sampled_from(["seed", "options", "state", "hoops_passed", "reset_mask", "actions"]), junk)
-def test_what_a_call_refuses_leaves_the_flight_as_it_was(make, name, value):
+def test_a_rejected_call_changes_nothing(make, name, value):
     env, twin = make(), make()
     for one in (env, twin):
         one.reset(seed=0)

@@ -1,7 +1,7 @@
-"""Gymnasium's RecordVideo films the environment.
+"""Gymnasium's RecordVideo records the environment.
 
-It writes through moviepy, which cannot be installed beside the pillow that Minari brings; so here stands a clip
-of the same interface that writes through imageio. Everything else is Gymnasium's own.
+RecordVideo writes through moviepy, which conflicts with the pillow version of Minari. A substitute clip with the same
+interface writes through imageio; everything else is Gymnasium's own.
 """
 
 import sys
@@ -35,7 +35,7 @@ def moviepy(monkeypatch):
 
 
 @pytest.mark.usefixtures("moviepy")
-def test_an_episode_is_filmed_frame_by_frame(tmp_path):
+def test_record_video_records_every_frame(tmp_path):
     env = gym.make("FlatQuad-v0", scenario="horizontal-3", render_mode="rgb_array", ghost=True)
     env = RecordVideo(env, str(tmp_path / "films"), episode_trigger=lambda episode: episode == 0, disable_logger=True)
     actions = reference("horizontal-3").actions

@@ -1,4 +1,4 @@
-"""How an episode begins: its scene is a function of seed and number alone; what cannot be is refused, and named."""
+"""Start of episodes: functions of seed and number only; invalid seeds and options are named."""
 
 import gymnasium as gym
 import numpy as np
@@ -27,7 +27,7 @@ def first_observations(kind, seed):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_episode_is_a_function_of_seed_and_number_not_of_how_those_before_it_were_flown(kind, generator):
+def test_an_episode_is_a_function_of_seed_and_number_only(kind, generator):
     expected = first_observations(kind, 5)
     assert len({observation.tobytes() for observation in expected}) > 1
     env = FlatQuadEnv(**KINDS[kind])
@@ -39,7 +39,7 @@ def test_an_episode_is_a_function_of_seed_and_number_not_of_how_those_before_it_
 
 @pytest.mark.parametrize("mode", ["SameStep", "NextStep", "Disabled"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_vehicle_i_flies_the_episodes_of_a_scalar_environment_seeded_with_s_plus_i(kind, mode, generator):
+def test_vehicle_i_repeats_the_scalar_environment_seeded_with_s_plus_i(kind, mode, generator):
     envs = FlatQuadVectorEnv(N, **KINDS[kind], autoreset_mode=mode, max_episode_steps=3)
     firsts = [envs.reset(seed=5)[0]]
     while len(firsts) < EPISODES:
@@ -54,7 +54,7 @@ def test_vehicle_i_flies_the_episodes_of_a_scalar_environment_seeded_with_s_plus
         np.testing.assert_array_equal([first[i] for first in firsts], first_observations(kind, 5 + i))
 
 
-def test_a_list_of_seeds_seeds_each_and_none_draws_one():
+def test_a_list_seeds_each_vehicle_and_none_samples_a_seed():
     seeds = [3, 1, 4, 1]
     observation, _ = FlatQuadVectorEnv(N, "random-goal").reset(seed=seeds)
     for i, seed in enumerate(seeds):
@@ -64,13 +64,13 @@ def test_a_list_of_seeds_seeds_each_and_none_draws_one():
     assert np.any(partly[1] != partly[3])
 
 
-def test_without_a_seed_no_two_environments_are_alike():
+def test_without_a_seed_environments_differ():
     drawn = [FlatQuadEnv("random-goal").reset()[0] for _ in range(2)]
     drawn += [FlatQuadVectorEnv(2, "random-goal").reset()[0][i] for i in range(2)]
     assert len({observation.tobytes() for observation in drawn}) == 4
 
 
-def test_a_masked_reset_begins_the_next_episode_of_the_masked_only():
+def test_a_masked_reset_starts_the_next_episode_of_the_masked_vehicles_only():
     envs = FlatQuadVectorEnv(N, "random-goal", autoreset_mode="Disabled")
     first, _ = envs.reset(seed=5)
     mask = np.array([True, False, False, True])
@@ -86,7 +86,7 @@ def test_a_masked_reset_begins_the_next_episode_of_the_masked_only():
 
 
 @pytest.mark.parametrize("seed", BAD_SEEDS, ids=repr)
-def test_bad_seeds_are_named_and_change_nothing(seed):
+def test_invalid_seeds_are_named_and_change_nothing(seed):
     with pytest.raises(ValueError, match=r"a seed must be a whole number in 0\.\.2\^63 - 1, got "):
         check_seed(seed)
     for make, bad in ((FlatQuadEnv, seed), (lambda **kind: FlatQuadVectorEnv(1, **kind), [seed])):
@@ -99,12 +99,12 @@ def test_bad_seeds_are_named_and_change_nothing(seed):
         np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
 
 
-def test_as_many_seeds_as_vehicles():
+def test_the_number_of_seeds_is_the_number_of_vehicles():
     with pytest.raises(ValueError, match="seed must be one number or 4, got 3"):
         FlatQuadVectorEnv(N).reset(seed=[1, 2, 3])
 
 
-def test_seeds_of_every_kind_of_whole_number_are_one():
+def test_integer_types_of_seeds_are_equivalent():
     assert [check_seed(seed) for seed in (7, np.int8(7), np.uint64(7))] == [7, 7, 7]
     assert check_seed(2**63 - 1) == 2**63 - 1
     firsts = [FlatQuadVectorEnv(N, "random-goal").reset(seed=seed)[0] for seed in (2, np.array(2), np.arange(2, 2 + N))]
@@ -128,7 +128,7 @@ BAD_OPTIONS = [
 
 @pytest.mark.parametrize(("options", "words"), BAD_OPTIONS, ids=repr)
 @pytest.mark.parametrize("make", [FlatQuadEnv, lambda kind: FlatQuadVectorEnv(2, kind)], ids=["scalar", "batched"])
-def test_bad_options_are_named_and_begin_no_episode(make, options, words):
+def test_invalid_options_are_named_and_start_no_episode(make, options, words):
     env, twin = make("random-hoops"), make("random-hoops")
     for one in (env, twin):
         one.reset(seed=1)

@@ -1,4 +1,4 @@
-"""The batched environment is the scalar one, many times; autoreset as Gymnasium means it."""
+"""The batched environment equals the scalar one; autoreset as Gymnasium defines it."""
 
 import gymnasium as gym
 import numpy as np
@@ -69,7 +69,7 @@ def test_batched_equals_scalar_over_a_hundred_thousand_steps(name, generator):
     assert ends > 300
 
 
-def test_both_autoreset_modes_fly_the_same_episodes(generator):
+def test_both_autoreset_modes_give_the_same_episodes(generator):
     actions = rough_actions(generator, 400)
     lengths = {}
     for mode in (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP):
@@ -129,7 +129,7 @@ def test_max_episode_steps_truncates():
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))
-def test_k_star_is_that_of_the_episode_and_unknown_where_the_episode_is_another(mode):
+def test_k_star_is_that_of_the_episode_or_unknown(mode):
     goal, known = DISTRIBUTIONS["random-goal"], drawn_k_star("random-goal", EVALUATION_SEED + np.arange(2)).k_star
     envs = FlatQuadVectorEnv(2, scenario=goal, autoreset_mode=mode, max_episode_steps=1)
     told = [envs.reset(seed=EVALUATION_SEED)[1], *(envs.step(np.zeros((2, 2)))[4] for _ in range(1))]
@@ -144,7 +144,7 @@ def test_k_star_is_that_of_the_episode_and_unknown_where_the_episode_is_another(
     assert np.isnan(again["k_star"]).all()
 
 
-def test_k_star_of_a_named_scenario_lasts_until_the_task_is_another():
+def test_k_star_of_a_named_scenario_lasts_until_the_task_changes():
     envs = FlatQuadVectorEnv(3, scenario="hoop", autoreset_mode="SameStep", max_episode_steps=1)
     k_star = reference("hoop").k_star
     for told in (envs.reset(seed=0)[1], envs.step(np.zeros((3, 2)))[4], envs.reset()[1]):

@@ -1,4 +1,4 @@
-"""Episodes are remembered as they are flown, and drawn as if they had been drawn from the outside."""
+"""Recorded episodes are drawn as the renderer draws them from states and thrusts."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def recorded(recorder, scenario, actions):
 
 
 @pytest.mark.parametrize("ghost", [False, True])
-def test_an_episode_is_drawn_as_from_the_outside(ghost):
+def test_a_recorded_episode_is_drawn_as_by_the_renderer(ghost):
     actions = reference("hoop").actions
     recorder = EpisodeRecorder(HOOP, "rgb_array", ghost=ghost, size=SIZE)
     recorded(recorder, HOOP, actions[:9])
@@ -48,7 +48,7 @@ def test_an_episode_is_drawn_as_from_the_outside(ghost):
     assert np.array_equal(pixels, renderer.draw(ghost_states("hoop"), HOOP.quadrotor.control(actions)[:, 0], 1, "goal"))
 
 
-def test_a_ghost_can_be_any_flight():
+def test_a_ghost_can_be_any_trajectory():
     actions = reference("hoop").actions[:20]
     slow = np.repeat(ghost_states("hoop"), 2, axis=0)
     pictures = [
@@ -69,7 +69,7 @@ def test_the_thrust_of_clipped_actions_is_drawn():
     assert np.array_equal(*pictures)
 
 
-def test_scenarios_of_a_distribution_are_drawn_one_after_the_other():
+def test_each_episode_of_a_distribution_is_drawn_in_its_scenario():
     distribution, recorder = (
         DISTRIBUTIONS["random-goal"],
         EpisodeRecorder(DISTRIBUTIONS["random-goal"], "rgb_array", size=SIZE),
@@ -79,7 +79,7 @@ def test_scenarios_of_a_distribution_are_drawn_one_after_the_other():
     assert np.array_equal(pictures[0], pictures[2])
 
 
-def test_k_star_is_told_of_comparable_flights_only():
+def test_k_star_is_shown_for_comparable_episodes_only():
     recorder = EpisodeRecorder(HOOP, "rgb_array", size=SIZE)
     information = infos(HOOP, [])[0]
     told = recorded(recorder, HOOP, [])
@@ -92,7 +92,7 @@ def test_k_star_is_told_of_comparable_flights_only():
     assert np.array_equal(ahead[:26, -60:], disturbed[:26, -60:])
 
 
-def test_without_a_mode_nothing_is_remembered():
+def test_without_a_mode_nothing_is_recorded():
     recorder = EpisodeRecorder(HOOP, None)
     assert recorded(recorder, HOOP, reference("hoop").actions[:3]) is None
     assert vars(recorder)["_states"] == []
@@ -114,7 +114,7 @@ def test_a_window_shows_each_step(monkeypatch):
     pygame.display.quit()
 
 
-def test_what_cannot_be_drawn_is_named():
+def test_invalid_recordings_are_named():
     with pytest.raises(RuntimeError, match=r"call reset\(\) first"):
         EpisodeRecorder(HOOP, "rgb_array").draw()
     with pytest.raises(ValueError, match="unknown render_mode 'ascii'"):

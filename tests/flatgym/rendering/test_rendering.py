@@ -1,4 +1,4 @@
-"""Pictures: what is flown is seen, the same flight gives the same picture, and nothing needs a display."""
+"""Pictures: they show the episode, are functions of it, and need no display."""
 
 import subprocess
 import sys
@@ -66,14 +66,14 @@ def headless(monkeypatch):
 
 
 @pytest.mark.parametrize("size", [(320, 240), (641, 357), (64, 64)])
-def test_pictures_have_the_size_asked_for(size):
+def test_pictures_have_the_requested_size(size):
     pixels = drawn("hoop", 20, size=size)
     assert pixels.shape == (size[1], size[0], 3)
     assert pixels.dtype == np.uint8
 
 
 @pytest.mark.parametrize("name", ["ground-6", "drop", "loop"])
-def test_the_same_flight_gives_the_same_picture(name):
+def test_the_same_episode_gives_the_same_picture(name):
     renderer = Renderer(SCENARIOS[name], size=SIZE, ghost=ghost_states(name))
     flown = flight(name)
     first = renderer.draw(*flown, "goal")
@@ -83,7 +83,7 @@ def test_the_same_flight_gives_the_same_picture(name):
     assert np.array_equal(drawn(name, outcome="goal", ghost=ghost_states(name)), first)
 
 
-def test_pictures_are_kept():
+def test_returned_pictures_do_not_change():
     renderer = Renderer(SCENARIOS["hoop"], size=SIZE)
     first = renderer.draw(*flight("hoop", 10))
     kept = first.copy()
@@ -91,7 +91,7 @@ def test_pictures_are_kept():
     assert np.array_equal(first, kept)
 
 
-def test_pictures_outlive_somebodys_quit():
+def test_rendering_survives_pygame_quit():
     before = drawn("hoop", 10)
     pygame.quit()
     after = drawn("hoop", 11)
@@ -99,13 +99,13 @@ def test_pictures_outlive_somebodys_quit():
     assert (after != before).any()
 
 
-def test_every_step_is_seen():
+def test_every_step_changes_the_picture():
     renderer = Renderer(SCENARIOS["climb"], size=SIZE)
     pictures = [renderer.draw(*flight("climb", steps)) for steps in (0, 1, 20, 21, 64)]
     assert all((a != b).any() for a, b in pairwise(pictures))
 
 
-def test_a_ghost_is_seen_where_it_flies():
+def test_a_ghost_is_drawn_at_its_state():
     alone, beside = drawn("diagonal", 35), drawn("diagonal", 35, ghost=ghost_states("diagonal") + np.eye(5)[1])
     assert (alone != beside).any(axis=-1).mean() > 0.01
 
@@ -117,7 +117,7 @@ def test_a_ghost_waits_at_its_end():
     assert np.allclose(between(states, 3.5), (states[3] + states[4]) / 2)
 
 
-def test_hoops_tell_whether_they_are_passed_next_or_later():
+def test_colours_distinguish_passed_next_and_later_hoops():
     states, thrusts, _ = flight("slalom", 3)
     renderer = Renderer(SCENARIOS["slalom"], size=(960, 720))
     counts = [
@@ -129,7 +129,7 @@ def test_hoops_tell_whether_they_are_passed_next_or_later():
     assert (np.diff(passed) > 200).all()
 
 
-def test_a_mirrored_flight_gives_a_mirrored_world():
+def test_a_mirrored_episode_gives_a_mirrored_picture():
     scenario = Scenario("valley", (-3.0, 0.0), (3.0, 0.0))
     states, thrusts, _ = flight("horizontal-6", 30)
     states = states - [3, 0, 0, 0, 0]
@@ -144,7 +144,7 @@ def test_a_mirrored_flight_gives_a_mirrored_world():
     assert (strong[0] != strong[1][:, ::-1]).sum() < 0.25 * strong[0].sum()
 
 
-def test_the_trail_tells_the_thrust():
+def test_the_path_is_coloured_by_thrust():
     states, _, _ = flight("horizontal-9", 50)
     renderer = Renderer(SCENARIOS["horizontal-9"], size=(640, 480))
     for thrust, share in ((1.0, 0.0), (20.0, 1.0)):
@@ -173,13 +173,13 @@ def test_the_camera_sees_everything(name):
         assert (places <= (left + width, top + height)).all()
 
 
-def test_the_camera_stands_still_while_it_sees_the_vehicle():
+def test_the_camera_is_fixed_while_the_vehicle_is_in_view():
     view = picture.Picture(SCENARIOS["hoop"], SIZE, None, ghost_states("hoop"))
     cameras = {view.camera(ghost_states("hoop")[:k]) for k in range(1, 72)}
     assert len(cameras) == 1
 
 
-def test_a_camera_keeps_what_it_sees():
+def test_a_fitted_camera_shows_its_box():
     camera = Camera.fit(np.array([-1.0, -2.0, 3.0, 2.0]), (10.0, 20.0, 220.0, 120.0), 10.0, 1e3)
     low_x, low_z, high_x, high_z = camera.seen
     assert np.allclose(camera((low_x, high_z)), (10, 20))
@@ -188,7 +188,7 @@ def test_a_camera_keeps_what_it_sees():
     assert np.allclose(camera((1.0, 2.0)), (120, 30))
 
 
-def test_a_floor_and_a_ceiling_are_seen():
+def test_floor_and_ceiling_are_drawn():
     scenario = replace(SCENARIOS["ground-6"], ceiling=1.5)
     box = box_of_interest(scenario, None)
     assert box[1] < 0
@@ -217,7 +217,7 @@ def test_any_scenario_can_be_drawn(scenario):
     assert pixels.std() > 5
 
 
-def test_a_moment_between_steps_lies_between_them():
+def test_states_between_steps_are_interpolated():
     states, thrusts, _ = flight("hoop", 30)
     view = picture.Picture(SCENARIOS["hoop"], SIZE, 70, ghost_states("hoop"))
     whole, part = (view.pixels(Instant(states, thrusts, part=part)) for part in (1.0, 0.5))
@@ -233,7 +233,7 @@ def test_a_moment_between_steps_lies_between_them():
         ({"ghost": np.full((4, 5), np.nan)}, "must be finite"),
     ],
 )
-def test_bad_arguments_are_named(options, words):
+def test_invalid_arguments_are_named(options, words):
     with pytest.raises(ValueError, match=words):
         Renderer(SCENARIOS["hoop"], **options)
 
@@ -251,7 +251,7 @@ def test_ghosts_are_checked():
 
 
 @pytest.mark.usefixtures("headless")
-def test_a_window_shows_the_flight_until_it_is_closed():
+def test_a_window_shows_the_episode_until_it_is_closed():
     scenario = SCENARIOS["horizontal-3"]
     renderer, other = (Renderer(scenario, "human", size=SIZE) for _ in range(2))
     states, thrusts, _ = flight("horizontal-3", 3)
@@ -269,7 +269,7 @@ def test_a_window_shows_the_flight_until_it_is_closed():
 
 
 @pytest.mark.usefixtures("headless")
-def test_a_window_keeps_the_pace_of_the_flight():
+def test_a_window_runs_in_real_time():
     renderer = Renderer(replace(SCENARIOS["hoop"], dt=0.05), "human", size=SIZE)
     begin = pygame.time.get_ticks()
     for _ in range(5):
@@ -278,14 +278,14 @@ def test_a_window_keeps_the_pace_of_the_flight():
     renderer.close()
 
 
-def test_without_a_display_the_way_out_is_named(monkeypatch):
+def test_without_a_display_the_error_names_the_alternatives(monkeypatch):
     pygame.display.quit()
     monkeypatch.setenv("SDL_VIDEODRIVER", "nothing")
     with pytest.raises(OSError, match=r"no window can be opened .* use rgb_array"):
         Renderer(SCENARIOS["hoop"], "human")
 
 
-def test_the_world_is_loaded_without_what_draws_it():
+def test_environments_import_without_pygame():
     code = (
         "import sys, flatgym.envs.env, flatgym.rendering, flatgym.scenarios.reference, flatgym.rendering.instant; "
         "sys.exit(any(name in sys.modules for name in ('pygame', 'imageio')))"
@@ -305,7 +305,7 @@ def test_videos_hold_every_frame(tmp_path, ending):
     assert [file.name for file in path.parent.iterdir()] == [path.name]
 
 
-def test_a_video_is_written_whole_or_not_at_all(tmp_path):
+def test_videos_are_written_atomically(tmp_path):
     def broken():
         yield np.zeros((64, 64, 3), dtype=np.uint8)
         raise RuntimeError("lost")

@@ -1,4 +1,4 @@
-"""Drawn scenarios: where the docstring says they are, and a function of seed and episode alone."""
+"""Sampled scenarios: distributed as documented, functions of seed and episode only."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ def drawn(name, count=COUNT):
     return DISTRIBUTIONS[name].draw(seeds, np.zeros_like(seeds))
 
 
-def test_goals_are_uniform_in_the_square_beyond_the_least_distance():
+def test_goals_are_uniform_in_the_square_outside_the_minimum_distance():
     rows = drawn("random-goal")
     assert np.all(np.abs(rows[:, 0:2]) <= 10.0)
     assert np.hypot(rows[:, 0], rows[:, 1]).min() >= 0.5
@@ -34,7 +34,7 @@ def test_goals_are_uniform_in_the_square_beyond_the_least_distance():
     assert chisquare(cells[outside]).pvalue > 1e-3
 
 
-def test_hoops_stand_in_order_on_the_way():
+def test_hoops_are_in_order_along_the_line_to_the_goal():
     distribution, rows = DISTRIBUTIONS["random-hoops"], drawn("random-hoops", 3000)
     count = rows[:, 2].astype(int)
     assert chisquare(np.bincount(count)[1:]).pvalue > 1e-3
@@ -51,7 +51,7 @@ def test_hoops_stand_in_order_on_the_way():
 
 
 @pytest.mark.parametrize("name", DISTRIBUTIONS)
-def test_an_environment_flies_the_scenarios_of_its_seed_in_turn(name):
+def test_an_environment_uses_the_scenarios_of_its_seed_in_order(name):
     env = gym.make("FlatQuad-v0", scenario=name)
     for episode in range(3):
         observation, _ = env.reset(seed=5 if episode == 0 else None)
@@ -71,7 +71,7 @@ def test_an_environment_flies_the_scenarios_of_its_seed_in_turn(name):
     assert Scenario.from_json(expected.to_json()) == expected
 
 
-def test_should_no_try_be_far_enough_the_goal_is_moved_outwards():
+def test_a_goal_too_near_after_all_tries_is_moved_outwards():
     tight = Distribution("tight", half_width=1.0, least_distance=1.0)
     for seed in range(300):
         x, z = tight.scenario(seed).goal
@@ -92,7 +92,7 @@ def test_should_no_try_be_far_enough_the_goal_is_moved_outwards():
         ({"turn": np.nan}, "turn must be finite"),
     ],
 )
-def test_impossible_distributions_are_refused(changes, words):
+def test_invalid_distributions_are_rejected(changes, words):
     with pytest.raises(ValueError, match=words):
         replace(DISTRIBUTIONS["random-goal"], **changes)
 

@@ -1,4 +1,4 @@
-"""Disturbances: off by default, drawn from the seed, exact in the flight, and within what they promise."""
+"""Disturbances: off by default, functions of the seed, exact in the dynamics, within their stated limits."""
 
 from dataclasses import replace
 
@@ -44,7 +44,7 @@ def test_wind_gain_and_mass_enter_the_equations_of_motion():
         np.testing.assert_allclose(info["state"], state, atol=1e-10)
 
 
-def test_late_actions_are_the_same_flight_later():
+def test_delayed_actions_give_the_same_trajectory_later():
     late = FlatQuadVectorEnv(8, "diagonal", action_delay=4)
     _, infos = late.reset(seed=0)
     delay = Disturbances(action_delay=4).draw(late.fleet.seeds, late.fleet.episodes)[2]
@@ -59,7 +59,7 @@ def test_late_actions_are_the_same_flight_later():
         np.testing.assert_allclose(np.array(states)[1:, i], flown[:40], atol=1e-12)
 
 
-def test_noise_is_seen_and_not_flown():
+def test_noise_affects_observations_and_not_states():
     noisy, clear = (FlatQuadVectorEnv(500, "hoop", observation="state", sensor_noise=s) for s in (0.01, 0.0))
     seen, truth = noisy.reset(seed=0), clear.reset(seed=0)
     for action in np.random.default_rng(0).uniform(-1, 1, (5, 500, 2)):
@@ -72,7 +72,7 @@ def test_noise_is_seen_and_not_flown():
     np.testing.assert_array_equal(repeated.reset(seed=0)[0], noisy.reset(seed=0)[0])
 
 
-def test_each_episode_draws_its_own():
+def test_each_episode_samples_its_own_disturbances():
     disturbances = Disturbances(wind=1.0)
     seeds = np.zeros(100, dtype=np.uint64)
     winds = disturbances.draw(seeds, np.arange(100, dtype=np.uint64))[1]
@@ -92,7 +92,7 @@ def test_each_episode_draws_its_own():
         ({"sensor_noise": np.inf}, "sensor_noise must be finite"),
     ],
 )
-def test_impossible_disturbances_are_refused(changes, words):
+def test_invalid_disturbances_are_rejected(changes, words):
     with pytest.raises(ValueError, match=words):
         replace(Disturbances(), **changes)
     with pytest.raises(ValueError, match=words):

@@ -1,4 +1,4 @@
-"""What is known of the named scenarios: the flights replay, the numbers are the published ones."""
+"""Best-known solutions of the named scenarios: they replay, and the numbers are the published ones."""
 
 import json
 from dataclasses import replace
@@ -20,7 +20,7 @@ ONE_HOOP = EVALUATION_SEED + 13
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_flights_replay_to_the_goal_in_k_star_steps(name):
+def test_solutions_replay_to_the_goal_in_k_star_steps(name):
     known = reference(name)
     flown = fly_actions(SCENARIOS[name], known.actions)
     assert OUTCOMES[flown[-1].outcome[0]] == "goal"
@@ -30,7 +30,7 @@ def test_flights_replay_to_the_goal_in_k_star_steps(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_flights_are_flown_by_the_environment(name):
+def test_solutions_reach_the_goal_in_the_environment(name):
     known = reference(name)
     env = gym.make("FlatQuad-v0", scenario=name)
     env.reset(seed=0)
@@ -54,7 +54,7 @@ def test_numbers_are_the_published_ones(name):
     assert known.time_lower_bound <= known.time
 
 
-def test_every_scenario_is_known_and_nothing_else():
+def test_exactly_the_named_scenarios_have_solutions():
     assert all(reference(scenario).scenario == name for name, scenario in SCENARIOS.items())
     assert reference(replace(SCENARIOS["hoop"], dt=0.01)) is None
     assert reference(replace(SCENARIOS["hoop"], name="mine")) is None
@@ -80,12 +80,12 @@ def test_a_ghost_is_from_start_to_goal():
     assert np.array_equal(states[0], SCENARIOS["loop"].start_state)
 
 
-def test_a_ghost_of_an_unknown_flight_names_the_way_out():
+def test_a_ghost_without_a_solution_names_the_alternative():
     with pytest.raises(ValueError, match=r"for 'hoop'.*shape \(K\+1, 5\).*fewest_steps"):
         ghost_states(replace(SCENARIOS["hoop"], dt=0.01))
 
 
-def test_a_file_of_another_version_is_refused(tmp_path, monkeypatch):
+def test_a_file_of_another_schema_is_rejected(tmp_path, monkeypatch):
     (tmp_path / module.FILE).write_text(json.dumps({"schema": 0, "references": []}))
     monkeypatch.setattr(module, "files", lambda _: tmp_path)
     with pytest.raises(ValueError, match="has schema 0, this version reads 2"):
@@ -93,7 +93,7 @@ def test_a_file_of_another_version_is_refused(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(("name", "number"), DRAWN.items())
-def test_what_scores_are_flown_on_is_known(name, number):
+def test_k_star_of_evaluation_episodes_is_known(name, number):
     known = drawn_k_star(name, EVALUATION_SEED + np.arange(number))
     assert np.all(known.k_lower_bound <= known.k_star)
     assert np.all(known.k_star <= DISTRIBUTIONS[name].max_steps)
@@ -106,14 +106,14 @@ def test_what_scores_are_flown_on_is_known(name, number):
     ("name", "seed"),
     [("random-goal", EVALUATION_SEED + 41), ("random-goal", EVALUATION_SEED + 998), ("random-hoops", ONE_HOOP)],
 )
-def test_k_star_of_drawn_scenarios_is_found_again(name, seed):
+def test_k_star_of_sampled_scenarios_is_reproduced(name, seed):
     found = fewest_steps(DISTRIBUTIONS[name].scenario(seed), time_budget=0)
     known = drawn_k_star(name, [seed])
     assert known.k_star.tolist() == [found.steps]
     assert known.k_lower_bound >= found.lower_bound
 
 
-def test_nothing_is_known_of_other_draws():
+def test_k_star_of_other_samples_is_unknown():
     ends = EVALUATION_SEED + np.array([-1, 0, 999, 1000])
     assert np.isnan(drawn_k_star("random-goal", ends).k_star).tolist() == [True, False, False, True]
     assert drawn_k_star("random-goal", ends).proven[[0, 3]].tolist() == [False, False]
@@ -125,7 +125,7 @@ def test_nothing_is_known_of_other_draws():
 
 
 @pytest.mark.parametrize("name", DISTRIBUTIONS)
-def test_draws_are_known_by_seed_in_any_order(name, generator):
+def test_k_star_is_looked_up_by_seed_in_any_order(name, generator):
     seeds = EVALUATION_SEED + generator.integers(-20, 400, 100)
     known = drawn_k_star(name, seeds)
     for i in (0, 50, 99):

@@ -1,4 +1,4 @@
-"""Scenarios are values: they round-trip, and impossible ones are refused with the reason."""
+"""Scenarios are values: they round-trip through JSON, and invalid ones are rejected with the reason."""
 
 import math
 from dataclasses import replace
@@ -17,7 +17,7 @@ def test_named_scenarios_survive_json(scenario):
     assert flatgym.scenario(scenario.name) is scenario
 
 
-def test_every_named_scenario_of_the_design_is_there():
+def test_all_named_scenarios_exist():
     named = "horizontal-3 horizontal-6 horizontal-9 horizontal-12 horizontal-15 ground-6 diagonal hoop climb drop"
     assert set(SCENARIOS) == {*named.split(), "high-hoop", "slalom", "loop"}
 
@@ -75,12 +75,12 @@ def plain(**changes):
         (lambda: Scenario.from_dict({"name": "x", "colour": "red"}), "not a scenario: .*colour"),
     ],
 )
-def test_impossible_scenarios_are_refused_with_the_reason(make, words):
+def test_invalid_scenarios_are_rejected_with_the_reason(make, words):
     with pytest.raises(ValueError, match=words):
         make()
 
 
-def test_heights_are_infinite_where_there_is_no_floor_or_ceiling():
+def test_heights_are_infinite_without_floor_or_ceiling():
     free = Scenario("free", (0, 0), (1, 0))
     assert free.heights == (-math.inf, math.inf)
     assert replace(free, floor=-1.0, ceiling=2.0).heights == (-1.0, 2.0)
@@ -94,7 +94,7 @@ def test_rims_are_half_a_gap_from_the_centre_across_the_direction():
     assert hoop.half_gap(0.1) == pytest.approx(0.2)
 
 
-def test_other_widths_keep_all_else_and_are_checked():
+def test_with_diameters_changes_gap_widths_only_and_checks_them():
     scenario = SCENARIOS["slalom"]
     other = scenario.with_diameters([0.3, 0.4, 0.5])
     assert [hoop.diameter for hoop in other.hoops] == [0.3, 0.4, 0.5]

@@ -1,4 +1,4 @@
-"""Observations read back: the situation they show, up to the rounding of float32."""
+"""Observations: decoding inverts encoding up to the rounding of float32."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def agree(seen, true, unit=LENGTH_UNIT):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_what_is_observed_is_read_back(name, generator):
+def test_decoding_inverts_encoding(name, generator):
     n, scenario = 200, CASES[name]
     scene = Scene.of([scenario]).repeat(n)
     state = generator.normal(size=(n, 5)) * [8, 8, 10, 10, 4]
@@ -54,7 +54,7 @@ def test_what_is_observed_is_read_back(name, generator):
         np.testing.assert_allclose(seen.directions[:, i], direction, atol=FLOAT32)
 
 
-def test_one_observation_is_read_as_many_are():
+def test_one_observation_decodes_as_in_a_batch():
     scene = Scene.of([SCENARIOS["hoop"]])
     observations = observe(scene, initial(scene))
     many, one = decode_observation(observations), decode_observation(observations[0])
@@ -62,6 +62,6 @@ def test_one_observation_is_read_as_many_are():
     assert one.goal.tolist() == pytest.approx([5.0, 5.0], rel=1e-6)
 
 
-def test_other_observations_are_refused():
+def test_observations_of_another_shape_are_rejected():
     with pytest.raises(ValueError, match=r"shape \(\.\.\., 19\), got \(3, 5\)"):
         decode_observation(np.zeros((3, 5)))

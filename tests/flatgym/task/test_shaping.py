@@ -1,4 +1,4 @@
-"""The time to go is the double integrator's, falls by no more than the time that passes, and sees hoops."""
+"""The potential: the double integrator's time to go, bounded in its change, with the detour through hoops."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def test_rest_time_brings_a_double_integrator_to_rest(generator):
     assert np.min(reached, axis=0).max() < 0.02
 
 
-def test_from_rest_it_is_the_projection_bound():
+def test_the_time_to_go_from_rest_is_the_projection_bound():
     scenario = Scenario("across", (0, 0), (4, 4))
     scene = Scene.of([scenario])
     rough = -potential(scene, task.initial(scene))[0]
@@ -35,7 +35,7 @@ def test_from_rest_it_is_the_projection_bound():
     assert 0.95 * exact < rough <= exact
 
 
-def test_no_flight_gains_more_time_than_it_takes(generator):
+def test_the_potential_rises_by_at_most_the_elapsed_time(generator):
     scene = Scene.of([replace(SCENARIOS["horizontal-6"], time_limit=10.0)] * 300)
     episode = replace(task.initial(scene), state=generator.normal(0, [3, 3, 4, 4, 2], (300, 5)))
     for _ in range(50):
@@ -47,7 +47,7 @@ def test_no_flight_gains_more_time_than_it_takes(generator):
         episode = after
 
 
-def test_hoops_ahead_lengthen_the_way():
+def test_hoops_ahead_lengthen_the_remaining_path():
     scene = Scene.of([SCENARIOS["slalom"]] * 4)
     episode = replace(task.initial(scene), hoops_passed=np.arange(4))
     way = remaining_path_length(scene, episode)

@@ -1,4 +1,4 @@
-"""Laws of the verbs: hoops in order, outcomes, tolerance, rewards that keep the optimal policy."""
+"""Transition and reward: hoops in order, outcomes, tolerance, shaping that keeps the optimal policy."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -57,7 +57,7 @@ def test_the_crossing_is_found_on_the_arc_not_on_the_chord():
     assert after_one_step(missed, state, control=control).hoops_passed[0] == 0
 
 
-def test_rims_collide_only_with_a_body():
+def test_only_a_body_with_a_radius_collides_with_rims():
     wide = replace(FREE, quadrotor=Quadrotor(radius=0.1))
     for offset, outcome, passed in ((0.1, "flying", 2), (0.17, "collision", 0), (0.5, "flying", 0)):
         after = after_one_step(wide, [0.9, offset, 10, 0, 0])
@@ -142,7 +142,7 @@ def test_observations_are_finite_and_bounded(name, generator):
         assert np.all(np.abs(observation) <= 1)
 
 
-def test_scenarios_flown_together_share_the_vehicle():
+def test_scenarios_of_a_scene_share_the_vehicle():
     with pytest.raises(ValueError, match=r"must share dt: 'hoop' has 0\.02, 'hoop' has 0\.01"):
         Scene.of([SCENARIOS["hoop"], replace(SCENARIOS["hoop"], dt=0.01)])
 

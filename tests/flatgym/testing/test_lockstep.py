@@ -1,4 +1,4 @@
-"""The lockstep checker: what is right passes, in every autoreset mode, and every planted fault is found and named."""
+"""The checker: correct environments pass in every autoreset mode; every injected fault is found and named."""
 
 from dataclasses import replace
 from functools import partial
@@ -85,7 +85,7 @@ class Summary(gym.Wrapper):
 
 @pytest.mark.parametrize("mode", [NEXT, SAME, OFF])
 @pytest.mark.parametrize("single", [Walk, Nested, Summary])
-def test_a_sound_environment_passes_and_its_episodes_are_counted(mode, single):
+def test_a_correct_environment_passes_and_its_episodes_are_counted(mode, single):
     for make_single in (single, lambda _: single(), None):
         assert check_vector_env(SyncVectorEnv([single] * N, autoreset_mode=mode), make_single, steps=60) >= 60 / LIMIT
 
@@ -111,7 +111,7 @@ class TellsTheLimit(gym.Wrapper):
 
 
 @pytest.mark.parametrize("mode", [NEXT, SAME, OFF])
-def test_max_episode_steps_truncates_as_the_wrapper_does_and_also_says_so(mode):
+def test_max_episode_steps_truncates_like_the_wrapper(mode):
     single = partial(gym.make, "FlatQuad-v0", scenario="ground-6", max_episode_steps=20)
     envs = partial(FlatQuadVectorEnv, 2, "ground-6", max_episode_steps=20, autoreset_mode=mode)
     assert check_vector_env(envs(), lambda: TellsTheLimit(single()), steps=50) >= 4
@@ -121,7 +121,7 @@ def test_max_episode_steps_truncates_as_the_wrapper_does_and_also_says_so(mode):
 
 
 @pytest.mark.parametrize("mode", [NEXT, SAME, OFF])
-def test_the_fleet_without_numba_passes(mode, monkeypatch):
+def test_the_numpy_fleet_passes(mode, monkeypatch):
     monkeypatch.setattr("flatgym.envs.vector.make_fleet", NumpyFleet)
     scenario = replace(flatgym.scenario("ground-6"), time_limit=0.2)
     envs = FlatQuadVectorEnv(2, scenario=scenario, autoreset_mode=mode)
@@ -129,7 +129,7 @@ def test_the_fleet_without_numba_passes(mode, monkeypatch):
     assert check_vector_env(envs, partial(gym.make, "FlatQuad-v0", scenario=scenario), steps=25) >= 4
 
 
-def test_cartpole_passes_by_protocol_and_alone_in_lockstep():
+def test_cartpole_passes_the_protocol_and_alone_the_lockstep():
     def make(n):
         return gym.make_vec("CartPole-v1", num_envs=n, vectorization_mode="vector_entry_point")
 
@@ -139,7 +139,7 @@ def test_cartpole_passes_by_protocol_and_alone_in_lockstep():
         check_vector_env(make(4), lambda: gym.make("CartPole-v1"), steps=1)
 
 
-def test_a_batch_of_final_observations_is_as_good_as_an_array_of_them():
+def test_final_observations_may_be_a_batch_or_an_object_array():
     class Batched(Walks):
         def step(self, actions):
             *results, infos = super().step(actions)
@@ -151,7 +151,7 @@ def test_a_batch_of_final_observations_is_as_good_as_an_array_of_them():
     check_vector_env(Batched(SAME), Walk, steps=40)
 
 
-def test_what_cannot_be_written_into_may_be_handed_out_again_and_again():
+def test_read_only_arrays_may_be_returned_repeatedly():
     class Thrifty(LendsItsState):
         def reset(self, **arguments):
             results = super().reset(**arguments)
@@ -163,7 +163,7 @@ def test_what_cannot_be_written_into_may_be_handed_out_again_and_again():
         check_vector_env(LendsItsState(NEXT), steps=20)
 
 
-def test_given_actions_are_flown_and_not_changed():
+def test_given_actions_are_used_and_not_changed():
     actions = np.full((30, N, 1), 0.9)
     copy = actions.copy()
     episodes = check_vector_env(Walks(SAME), Walk, actions=actions)
@@ -172,7 +172,7 @@ def test_given_actions_are_flown_and_not_changed():
     np.testing.assert_array_equal(actions, copy)
 
 
-def test_the_space_of_actions_keeps_its_own_generator():
+def test_the_generator_of_the_action_space_is_not_used():
     envs, twin = Walks(), Walks()
     envs.action_space.seed(4)
     twin.action_space.seed(4)
@@ -182,7 +182,7 @@ def test_the_space_of_actions_keeps_its_own_generator():
 
 
 @pytest.mark.parametrize(("off", "passes"), [(0.0, True), (5e-10, True), (2e-9, False)])
-def test_numbers_may_be_apart_by_the_tolerance(off, passes):
+def test_numbers_may_differ_by_the_tolerance(off, passes):
     class Off(Walks):
         def step(self, actions):
             observations, rewards, *rest = super().step(actions)
@@ -197,7 +197,7 @@ def test_numbers_may_be_apart_by_the_tolerance(off, passes):
         check_vector_env(Off(), Walk, steps=20, atol=0)
 
 
-def test_float32_may_be_one_rounding_apart_but_not_when_equality_is_asked():
+def test_float32_may_differ_by_one_rounding_unless_equality_is_required():
     class Coarse(Walks):
         def step(self, actions):
             observations, rewards, *rest = super().step(actions)
@@ -209,7 +209,7 @@ def test_float32_may_be_one_rounding_apart_but_not_when_equality_is_asked():
 
 
 @pytest.mark.parametrize("arguments", [{"steps": 0}, {"atol": -1.0}, {"atol": float("nan")}, {"actions": []}])
-def test_a_check_of_nothing_is_refused(arguments):
+def test_a_check_without_steps_is_rejected(arguments):
     with pytest.raises(ValueError, match="must"):
         check_vector_env(Walks(), Walk, **arguments)
 
@@ -474,7 +474,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("faulty", "mode", "words"), FAULTS, ids=[faulty.__name__ for faulty, *_ in FAULTS])
-def test_a_planted_fault_is_found_and_named(faulty, mode, words):
+def test_an_injected_fault_is_found_and_named(faulty, mode, words):
     check_vector_env(Walks(mode), Walk, steps=60)
     with pytest.raises(AssertionError, match=words):
         check_vector_env(faulty(mode), Walk, steps=60)
@@ -493,12 +493,12 @@ def test_a_planted_fault_is_found_and_named(faulty, mode, words):
         (PaysForTheReset, "the reward in the step of the reset is -1.0"),
     ],
 )
-def test_these_are_found_without_a_scalar_environment_too(faulty, words):
+def test_some_faults_are_found_without_a_scalar_environment(faulty, words):
     with pytest.raises(AssertionError, match=words):
         check_vector_env(faulty(NEXT), steps=60)
 
 
-def test_another_scalar_environment_is_not_the_same():
+def test_another_scalar_environment_is_reported():
     class Wide(Walk):
         action_space = Box(-2, 2, (1,), np.float32)
 

@@ -9,8 +9,7 @@ import pytest
 
 from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario, Tolerance, task
 from flatgym.envs.vector import FlatQuadVectorEnv
-from flatgym.task.rollout import replay_to_goal
-from flatgym.task.scene import FLOOR, GOAL
+from flatgym.task.scene import GOAL
 from optimal import SolveFailed, Status, fewest_steps
 from optimal.direct.shooting import solve_coarse, solve_winding
 from optimal.discrete.fewest_steps import expected_duration
@@ -110,20 +109,6 @@ def test_the_tolerance_saves_what_the_costates_predict(winding):
     tolerant = solve_winding(target, winding, tolerant=True).trajectory.duration
     assert expected_duration(target, rough) == pytest.approx(tolerant, rel=0.01)
     assert tolerant < rough.trajectory.duration - 0.01
-
-
-def test_the_batched_replay_equals_the_steps_of_the_task(generator):
-    target = SCENARIOS["ground-6"]
-    actions = fewest_steps(target).actions
-    flown = task.fly_actions(target, actions)
-    np.testing.assert_allclose(replay_to_goal(target, actions), [s.state[0] for s in flown], atol=1e-12)
-    assert replay_to_goal(target, actions[:-1]) is None
-    falling = actions.copy()
-    falling[3:, 0] = -1
-    assert task.fly_actions(target, falling)[-1].outcome[0] == FLOOR
-    assert replay_to_goal(target, falling) is None
-    longer = np.append(actions, generator.uniform(-1, 1, (5, 2)).astype(np.float32), axis=0)
-    np.testing.assert_array_equal(replay_to_goal(target, longer), replay_to_goal(target, actions))
 
 
 def test_a_body_keeps_clear_of_the_rims():
