@@ -97,6 +97,7 @@ def distance_bound(flight: FlatMotion, point: Array) -> float:
 
 
 def _root(square: float) -> float:
+    """Return the square root of a bound of a square, which rounding may have made negative."""
     return math.sqrt(max(square, 0.0))
 
 
@@ -121,6 +122,7 @@ def knots(flight: FlatMotion) -> Array | None:
 
 
 def _path_knots(path: Path) -> Array | None:
+    """Return the knots of a path in s; None if the path is not known to be piecewise polynomial."""
     if isinstance(path, PolynomialPath | BezierPath):
         return np.array([0.0, 1.0])
     if isinstance(path, BSplinePath):
@@ -137,6 +139,7 @@ def _path_knots(path: Path) -> Array | None:
 
 
 def _degree(path: Path) -> int:
+    """Return the degree of the polynomial pieces of a path."""
     if isinstance(path, PolynomialPath):
         return max(len(row) for row in path.coefficients) - 1
     if isinstance(path, BezierPath):

@@ -64,19 +64,19 @@ def proven_violation(flight: FlatTrajectory) -> float:
     return max(0.0, float((np.maximum(q.control_low - bounds[0], bounds[1] - q.control_high) / q.control_high).max()))
 
 
-def slowed_to_limits(flight: FlatTrajectory, most: float) -> FlatTrajectory | None:
+def slowed_to_limits(flight: FlatTrajectory, max_factor: float) -> FlatTrajectory | None:
     """Return the fastest uniform slow-down of a motion that keeps all limits.
 
     Args:
         flight: the motion.
-        most: the greatest scaling factor c to try.
+        max_factor: the greatest scaling factor c to try.
 
     Returns:
-        The scaled motion; None where a factor of `most` does not suffice.
+        The scaled motion; None where `max_factor` does not suffice.
     """
     s, factor = flight.interval_points(2 * SAMPLES), 1.0
     jet = flight.jet(s)
-    while factor <= most:
+    while factor <= max_factor:
         slower = replace(flight, squared_speed=_scaled(flight.squared_speed, factor**-2))
         violation = float(_violations(flight.system, [y / factor**k for k, y in enumerate(jet)]).max(initial=0.0))
         violation = violation or constraint_violation(slower) or proven_violation(slower)
@@ -103,4 +103,5 @@ def _violations(system: FlatSystem, jet: list[Array]) -> Array:
 
 
 def _scaled(spline: BSpline, factor: float) -> BSpline:
+    """Return a spline times a factor."""
     return BSpline(spline.t, spline.c * factor, spline.k)

@@ -87,6 +87,7 @@ def end_weights(paths: tuple[Path, ...], start: ArrayLike, goal: ArrayLike) -> A
 
 
 def _weights(paths: tuple[Path, ...], s: float, point: ArrayLike) -> Array:
+    """Return the weights of the outer paths at s that give a point, shape (k,)."""
     # The least-norm solution is the most central one.
     hull = np.stack([np.append(path(s), 1.0) for path in paths], axis=1)
     target = np.append(np.asarray(point, dtype=np.float64), 1.0)

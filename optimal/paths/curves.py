@@ -211,6 +211,7 @@ def _require_order(order: int) -> None:
 
 
 def _finite(name: str, values: ArrayLike) -> tuple[float, ...]:
+    """Return finite numbers as a tuple, or raise ValueError with the name."""
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != 1 or not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite numbers, got {values!r}")
@@ -218,6 +219,7 @@ def _finite(name: str, values: ArrayLike) -> tuple[float, ...]:
 
 
 def _rows(name: str, values: ArrayLike) -> Points:
+    """Return rows of finite coordinates as tuples, or raise ValueError with the name."""
     try:
         array = np.asarray(values, dtype=np.float64)
     except ValueError:

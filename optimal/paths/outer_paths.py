@@ -49,7 +49,7 @@ def outer_paths(scenario: Scenario, count: int) -> tuple[BSplinePath, ...]:
     band = scenario.heights
     line = centre_line(scenario, passed, spans)
     sides = np.broadcast_to(_CORNERS, (len(line), 4, 2)) if count == 4 else _ribs(line, passed, spans)
-    points = line[:, None] + _room(scenario, line, passed, spans)[:, None, None] * sides
+    points = line[:, None] + _half_widths(scenario, line, passed, spans)[:, None, None] * sides
     points[..., 1] = np.clip(points[..., 1], *band)
     opening = WIDTH * OPENING * (scenario.quadrotor.radius == 0)
     for gate, knot in zip(passed, np.cumsum(spans), strict=False):
@@ -58,7 +58,7 @@ def outer_paths(scenario: Scenario, count: int) -> tuple[BSplinePath, ...]:
     return tuple(BSplinePath(tuple(map(tuple, points[:, i].tolist())), DEGREE) for i in range(count))
 
 
-def _room(scenario: Scenario, line: Array, gates: list[Gate], spans: NDArray[np.intp]) -> Array:
+def _half_widths(scenario: Scenario, line: Array, gates: list[Gate], spans: NDArray[np.intp]) -> Array:
     """Return the half width of the corridor at each control point [m], shape (m,).
 
     It increases with the square of the distance from a hoop.
@@ -68,16 +68,16 @@ def _room(scenario: Scenario, line: Array, gates: list[Gate], spans: NDArray[np.
     opened = np.where(after, np.where(before, 4 * u * (1 - u), u * (2 - u)), np.where(before, 1 - u**2, 1.0)) ** 2
     halves = np.array([gate.half for gate in gates])
     ends = np.concatenate([halves[:1], halves, halves[-1:]]) if gates else np.zeros(2)
-    room = (1 - u) * ends[leg] + u * ends[leg + 1] + WIDTH * opened
-    room[:3], room[-3:] = room[0], room[-1]
+    width = (1 - u) * ends[leg] + u * ends[leg + 1] + WIDTH * opened
+    width[:3], width[-3:] = width[0], width[-1]
     radius = scenario.quadrotor.radius
     for hoop in scenario.hoops if radius > 0 else ():
         for rim in hoop.rims:
-            room = np.minimum(room, (np.hypot(*(line - rim).T) - radius) / math.sqrt(2.0))
+            width = np.minimum(width, (np.hypot(*(line - rim).T) - radius) / math.sqrt(2.0))
         for gate, knot in zip(gates, np.cumsum(spans), strict=False):
             near = slice(int(knot) + DEGREE // 2 - 3, int(knot) + DEGREE // 2 + 4)
-            room[near] = np.minimum(room[near], gate.half)
-    return np.maximum(room, 0.0)
+            width[near] = np.minimum(width[near], gate.half)
+    return np.maximum(width, 0.0)
 
 
 def _ribs(line: Array, gates: list[Gate], spans: NDArray[np.intp]) -> Array:

@@ -60,6 +60,7 @@ class Branch:
 
 
 def _halves(interval: Interval) -> tuple[Interval, Interval]:
+    """Return the two halves of an interval."""
     low, high = interval
     middle = (low + high) / 2
     return (low, middle), (middle, high)
@@ -81,6 +82,7 @@ def covered(branches: Iterable[Branch], windows: Sequence[Interval]) -> bool:
 
 
 def _box(branch: Branch) -> Box:
+    """Return the intervals of a branch as a box."""
     box: Box = {("passing", i): interval for i, interval in enumerate(branch.passing)}
     return box | {("tilt", held.share): (held.low, held.high) for held in branch.held}
 

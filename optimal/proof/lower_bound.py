@@ -208,6 +208,7 @@ def raise_bound(
 
 
 def require_positive(max_gap: float, time_budget: float) -> None:
+    """Raise ValueError unless gap and time budget are positive."""
     for name, value in (("max_gap", max_gap), ("time_budget", time_budget)):
         if not value > 0:
             raise ValueError(f"{name} must be positive, got {value!r}")

@@ -158,6 +158,7 @@ def _index_bounds(
 
 @lru_cache(maxsize=8)
 def _workspace(count: int, width: int) -> Array:
+    """Return an array for the values of all instants, shared by programmes of equal size."""
     return np.empty((count, width))
 
 

@@ -135,6 +135,7 @@ class Attitude(Lift):
 
 
 def _about_z(angle: Symbol) -> Symbol:
+    """Return the rotation matrix about the z axis."""
     sin, cos = ca.sin(angle), ca.cos(angle)
     return ca.vertcat(ca.horzcat(cos, -sin, 0), ca.horzcat(sin, cos, 0), ca.horzcat(0, 0, 1))
 
