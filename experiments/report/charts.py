@@ -113,7 +113,7 @@ def learning_chart(problem: str, curves: Sequence[Curve]) -> Chart:
         in_legend.add(curve.agent)
     figure.add_hline(y=0, line={"color": INK, "width": 1.5, "dash": "dot"})
     figure.add_annotation(text="K*", x=1, xref="paper", y=0, yanchor="bottom", showarrow=False, font={"color": INK})
-    figure.update_xaxes(title="samples (env steps + expert labels)", type="log", exponentformat="SI", dtick=1)
+    figure.update_xaxes(title="samples (env steps + expert labels)", type="log", exponentformat="SI", dtick="D2")
     most = max((gap for curve in curves for gap in curve.gaps), default=0.0)
     figure.update_yaxes(title="gap to K*", tickformat=".0%", range=[-0.015, max(0.05, min(0.6, 1.08 * most))])
     figure.update_layout(legend={"orientation": "h", "y": -0.28, "yanchor": "top", "x": 0})
@@ -143,7 +143,7 @@ def robustness_chart(problem: str, scores: Sequence[ConditionScore], conditions:
     use_name_axis(figure, names)
     figure.update_layout(
         scattermode="group", scattergap=0.25,
-        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0, "xref": "container"},
+        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
     )  # fmt: skip
     caption = f"<b>{escape(problem)}</b>: success under each condition, with 95 % bootstrap intervals"
     height = 120 + 13 * max(len(names), 2) * max(len(conditions), 2)

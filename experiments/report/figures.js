@@ -30,7 +30,7 @@
     const narrow = place.clientWidth < NARROW;
     const axis = {
       gridcolor: token("--faint"), linecolor: token("--outline"), title: { standoff: 8 },
-      ticks: "outside", ticklen: 4, tickcolor: token("--faint"), fixedrange: matchMedia("(pointer: coarse)").matches,
+      automargin: true, ticks: "outside", ticklen: 4, tickcolor: token("--faint"), fixedrange: matchMedia("(pointer: coarse)").matches,
     };
     const base = {
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",

@@ -188,8 +188,10 @@ def paper_cells(row: Row) -> list[TableCell]:
 
 def describe_conditions(conditions: dict[str, dict[str, float]]) -> str:
     """Return the disturbed conditions in words; "" for none."""
-    texts = [
-        f"{escape(name)}: {escape(describe_disturbances(active))}" for name, active in conditions.items() if active
-    ]
-    text = "Disturbances are sampled once for each episode and are the same for all agents."
-    return f"{text} {'; '.join(texts)}." if texts else ""
+    texts = []
+    for name, active in conditions.items():
+        text = describe_disturbances(active)
+        if text:
+            texts.append(escape(text if text.startswith(name) else f"{name}: {text}").replace(" %", "&nbsp;%"))
+    first = "Disturbances are sampled once for each episode and are the same for all agents: "
+    return f"{first}{'; '.join(texts)}." if texts else ""

@@ -72,7 +72,7 @@ const Scene = (() => {
   }
 
   function scaleBar(draw, view) {
-    const [x, y] = [12, view.height - 12];
+    const [x, y] = [view.width - 12 - view.scale, view.height - 12];
     draw.strokeStyle = token("--outline");
     draw.fillStyle = token("--quiet");
     draw.lineWidth = 2;

@@ -29,5 +29,5 @@ def test_unknown_k_star_and_conditions_are_shown(benchmark):
     unknown = replace(row, gap=math.nan, k_star=math.nan)
     assert page.leaderboard_cells(unknown)[5] == TableCell("-", None)
     assert gap_chart("hoop", [unknown]).figure["layout"]["annotations"][0]["text"] == "K* unknown"
-    assert page.describe_conditions({"nominal": {}, "gusts": {"gusts": 0.5}}).endswith("gusts: gusts 0.5.")
+    assert page.describe_conditions({"nominal": {}, "gusts": {"gusts": 0.5}}).endswith("for all agents: gusts 0.5.")
     assert page.describe_conditions({"nominal": {}}) == ""
