@@ -1,1 +1,1 @@
-"""Flying by keyboard or gamepad."""
+"""Flight by keyboard or gamepad, against the best-known flight."""

@@ -1,7 +1,7 @@
-"""A person at the controls: keys and sticks become actions, commands change the session; nothing here draws.
+"""A session of manual flight: keys and sticks become actions, commands change the session. It draws nothing.
 
-The flight is seen in slow motion, since an optimal one lasts 1.4 s: time advances by parts of a step, and what is seen
-within a step is the exact arc. An action is taken as a step begins and held for the whole step, as for any agent.
+An optimal flight lasts 1.4 s, so it is shown in slow motion. Time advances by fractions of an environment step; within
+a step the exact arc is shown. An action is read at the start of a step and held for the whole step, as for any agent.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ STEERING = {
     "w": "up",
     "s": "down",
 }
-"""What keys do while they are held, by the name of the key."""
+"""Directions of held keys, by name of the key."""
 COMMANDS = {
     "r": "restart",
     "return": "restart",
@@ -43,69 +43,71 @@ COMMANDS = {
     "q": "quit",
     "escape": "quit",
 }
-"""What keys do once when they are pressed."""
+"""Commands of pressed keys, by name of the key."""
 RATE_AXIS, LIFT_AXIS, TRIGGER_AXIS = 0, 3, 5
-"""Axes of a gamepad: left stick to the right, right stick downwards, right trigger; values in [-1, 1]."""
+"""Axes of a gamepad, in [-1, 1]: left stick to the right, right stick downwards, right trigger."""
 DEAD_ZONE = 0.12
-"""Share of a stick's way that counts as rest."""
-SPEED_LEAST, SPEED_MOST = 0.05, 2.0
-PATIENCE = 3.0
-"""The flight begins with the first touch of the controls, or after this long [s]."""
+"""Share of a stick's travel that counts as released."""
+SPEED_MIN, SPEED_MAX = 0.05, 2.0
+"""Limits of the speed of time; 1 is real time."""
+COUNTDOWN = 3.0
+"""Time until the flight begins if no control is touched [s]."""
 
 
 @dataclass
 class Controls:
-    """What is held: keys by their names, axes of a gamepad by their numbers."""
+    """The state of the controls: names of the held keys, and values of the gamepad axes by number."""
 
     held: set[str] = field(default_factory=set)
     axes: dict[int, float] = field(default_factory=dict)
 
     @property
     def touched(self) -> bool:
-        """Whether anything is held."""
+        """Whether a key is held or a stick is outside its dead zone."""
         return bool(self.held) or any(abs(value) > DEAD_ZONE for value in self.axes.values())
 
     def action(self, hover: float) -> NDArray[np.float32]:
-        """Return thrust and rate in [-1, 1], shape (2,); `hover` is the thrust when nothing is held."""
+        """Return thrust and rate in [-1, 1], shape (2,); `hover` is the thrust without input."""
         keys, sticks = key_action(self.held, hover), stick_action(self.axes, hover)
         return np.where(sticks == (hover, 0.0), keys, sticks).astype(np.float32)
 
 
 def key_action(held: Iterable[str], hover: float) -> Array:
-    """Return the action of held keys, shape (2,): all or nothing, and opposite keys cancel."""
-    ways = {STEERING[name] for name in held if name in STEERING}
-    lift, rate = (("up" in ways) - ("down" in ways)), (("right" in ways) - ("left" in ways))
+    """Return the action of held keys, shape (2,): at the limits, and opposite keys cancel."""
+    directions = {STEERING[name] for name in held if name in STEERING}
+    lift = ("up" in directions) - ("down" in directions)
+    rate = ("right" in directions) - ("left" in directions)
     return np.array([float(lift) if lift else hover, float(rate)])
 
 
 def stick_action(axes: dict[int, float], hover: float) -> Array:
-    """Return the action of a gamepad, shape (2,): from hover the stick reaches both limits, the trigger the upper."""
-    lift, pulled = -beyond(axes.get(LIFT_AXIS, 0.0)), max(beyond(axes.get(TRIGGER_AXIS, 0.0)), 0.0)
+    """Return the action of a gamepad, (2,): the stick spans both thrust limits, the trigger those above hover."""
+    lift, pulled = -deflection_of(axes.get(LIFT_AXIS, 0.0)), max(deflection_of(axes.get(TRIGGER_AXIS, 0.0)), 0.0)
     lift = lift if lift else pulled
     thrust = hover + (1 - hover) * lift if lift > 0 else hover + (hover + 1) * lift
-    return np.array([thrust, beyond(axes.get(RATE_AXIS, 0.0))])
+    return np.array([thrust, deflection_of(axes.get(RATE_AXIS, 0.0))])
 
 
-def beyond(value: float) -> float:
-    """Return how far a stick is beyond its dead zone, in [-1, 1]."""
-    way = (min(abs(value), 1.0) - DEAD_ZONE) / (1 - DEAD_ZONE)
-    return float(np.copysign(way, value)) if way > 0 else 0.0
+def deflection_of(value: float) -> float:
+    """Return the deflection of a stick beyond its dead zone, in [-1, 1]."""
+    deflection = (min(abs(value), 1.0) - DEAD_ZONE) / (1 - DEAD_ZONE)
+    return float(np.copysign(deflection, value)) if deflection > 0 else 0.0
 
 
 class Session:
-    """Flights of a person, one after the other.
+    """Manual flights, one after the other.
 
     Args:
-        problem: what is flown, a name; a distribution gives another scenario each flight.
-        speed: of the time that is seen; 1 is real time.
-        ghost: whether the best flight known is drawn beside.
+        problem: name of a scenario or distribution; a distribution gives a new scenario for each flight.
+        speed: speed of time; 1 is real time.
+        ghost: whether to show the best-known flight.
     """
 
     def __init__(self, problem: str, speed: float = 0.25, ghost: bool = True) -> None:
-        if not SPEED_LEAST <= speed <= SPEED_MOST:
-            raise ValueError(f"speed must lie in {SPEED_LEAST}..{SPEED_MOST}, got {speed}")
+        if not SPEED_MIN <= speed <= SPEED_MAX:
+            raise ValueError(f"speed must lie in {SPEED_MIN}..{SPEED_MAX}, got {speed}")
         self.env = gym.make("FlatQuad-v0", scenario=catalogue.problem(problem), reward="sparse", observation="state")
-        self.speed, self.with_ghost = speed, ghost
+        self.speed, self.show_ghost = speed, ghost
         self.paused, self.over = False, False
         self.flights, self.best_steps = 0, 0
         self.restart()
@@ -118,81 +120,81 @@ class Session:
 
     @property
     def reference(self) -> Reference | None:
-        """What is known of it."""
+        """The best-known solution of the scenario."""
         return reference(self.scenario)
 
     @property
     def ghost(self) -> Array | None:
-        """The best flight known of it, shape (K*+1, 5)."""
+        """States of the best-known flight, shape (K*+1, 5)."""
         return None if self.reference is None else ghost_states(self.scenario)
 
     @property
     def hover(self) -> float:
-        """The action whose thrust is the vehicle's weight."""
+        """The thrust, in [-1, 1], that balances gravity."""
         quadrotor = self.scenario.quadrotor
         return float(quadrotor.action([quadrotor.gravity, 0.0])[0])
 
     def restart(self) -> None:
-        """Go back to the start, or on to the next scenario; the flight waits for the first touch of the controls."""
+        """Reset to the start, or to the next scenario; the flight waits for the controls or the countdown."""
         _, self._info = self.env.reset(seed=0 if self.flights == 0 else None)
         self._states: list[Array] = [self._info["state"]]
         self._thrusts: list[float] = []
-        self._rate, self._part, self._passed = 0.0, 1.0, self._info["hoops_passed"]
-        self.waiting, self.paused = PATIENCE, False
+        self._rate, self._fraction, self._passed = 0.0, 1.0, self._info["hoops_passed"]
+        self.countdown, self.paused = COUNTDOWN, False
         self.flights += 1
 
-    def command(self, word: str) -> None:
-        """Obey one of the words in COMMANDS."""
-        if word == "restart":
+    def command(self, name: str) -> None:
+        """Execute one of the values of COMMANDS; other words do nothing."""
+        if name == "restart":
             self.restart()
-        elif word == "pause":
+        elif name == "pause":
             self.paused = not self.paused and self.outcome == "flying"
-        elif word == "ghost":
-            self.with_ghost = not self.with_ghost
-        elif word in ("slower", "faster"):
-            factor = 0.8 if word == "slower" else 1.25
-            self.speed = float(np.clip(self.speed * factor, SPEED_LEAST, SPEED_MOST))
-        elif word == "quit":
+        elif name == "ghost":
+            self.show_ghost = not self.show_ghost
+        elif name in ("slower", "faster"):
+            factor = 0.8 if name == "slower" else 1.25
+            self.speed = float(np.clip(self.speed * factor, SPEED_MIN, SPEED_MAX))
+        elif name == "quit":
             self.over = True
 
     def advance(self, controls: Controls, seconds: float) -> None:
-        """Let so many seconds pass in front of the screen."""
-        if self.waiting > 0:
-            self.waiting = 0.0 if controls.touched else self.waiting - seconds
+        """Advance by `seconds` of the user's time."""
+        if self.countdown > 0:
+            self.countdown = 0.0 if controls.touched else self.countdown - seconds
             return
         if self.paused:
             return
         parts = seconds * self.speed / self.scenario.dt
         while parts > 0 and self.outcome == "flying":
-            if self._part >= 1:
+            if self._fraction >= 1:
                 self._step(controls.action(self.hover))
-            flown = min(parts, 1 - self._part)
-            self._part, parts = self._part + flown, parts - flown
-            if self._part > 1 - 1e-9:
+            flown = min(parts, 1 - self._fraction)
+            self._fraction, parts = self._fraction + flown, parts - flown
+            if self._fraction > 1 - 1e-9:
                 self._arrive()
 
     @property
     def outcome(self) -> str:
-        """How the flight stands, as far as it is seen."""
-        return str(self._info["outcome"]) if self._part >= 1 else "flying"
+        """The outcome at the time shown."""
+        return str(self._info["outcome"]) if self._fraction >= 1 else "flying"
 
     @property
     def steps(self) -> int:
-        """Steps begun."""
+        """Steps that have begun."""
         return len(self._thrusts)
 
     @property
     def instant(self) -> Instant:
-        """What is seen."""
+        """The situation at the time shown."""
         states = np.array(self._states)
-        if self._part < 1:
+        if self._fraction < 1:
             control = [self._thrusts[-1], self._rate]
-            arc = self.scenario.quadrotor.step(states[-2], control, self._part * self.scenario.dt)
+            arc = self.scenario.quadrotor.step(states[-2], control, self._fraction * self.scenario.dt)
             states = np.concatenate([states[:-1], arc[None]])
-        return Instant(states, np.array(self._thrusts), self._passed, self.outcome, self._part)
+        return Instant(states, np.array(self._thrusts), self._passed, self.outcome, self._fraction)
 
-    def verdict(self) -> str:
-        """Return the result of a flight that has ended, in words."""
+    def result_text(self) -> str:
+        """Return the result of an ended flight in words."""
         if self.outcome != "goal":
             return f"{self.outcome} after {self.steps} steps"
         known = self.reference
@@ -204,9 +206,9 @@ class Session:
         thrust, self._rate = (float(value) for value in self.scenario.quadrotor.control(action))
         self._states.append(self._info["state"])
         self._thrusts.append(thrust)
-        self._part = 0.0
+        self._fraction = 0.0
 
     def _arrive(self) -> None:
-        self._part, self._passed = 1.0, self._info["hoops_passed"]
+        self._fraction, self._passed = 1.0, self._info["hoops_passed"]
         if self._info["is_success"] and (self.best_steps == 0 or self.steps < self.best_steps):
             self.best_steps = self.steps

@@ -1,6 +1,6 @@
-"""Fly it yourself: `flatquad play hoop`, against the ghost of the best flight known, in slow motion.
+"""The window of `flatquad play`: manual flight in slow motion, against the best-known flight.
 
-Events, from pygame or from a script, go into a Session; each frame lets a fiftieth of a second pass and is drawn.
+Events from pygame, or from a script, go to a Session. Each frame advances it by 1/50 s and draws it.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ if TYPE_CHECKING:
     from flatgym.rendering.picture import Picture
 
 FRAMES_PER_SECOND = 50
-HELP = "arrows fly   R again   space pause   G ghost   [ ] speed   Q quit"
+HELP = "arrows fly   R restart   space pause   G ghost   [ ] speed   Q quit"
 STICK = 32767
-"""The number that a gamepad's axis reports at its end."""
+"""Value of a gamepad axis at its end."""
 Events = Callable[[], Iterable[Any]]
-"""Returns the pygame events since it was last called."""
+"""Returns the pygame events since the last call."""
 
 
 def play(problem: str, speed: float = 0.25, ghost: bool = True, video: Path | None = None) -> Session:
-    """Open a window and fly until the person quits; return the session.
+    """Open a window, fly until the user quits, and return the session.
 
     Args:
         problem: name of a scenario or distribution.
-        speed: of time; 1 is real time.
-        ghost: whether to draw the best flight known beside.
-        video: a .mp4 or .gif file to write what was seen to.
+        speed: speed of time; 1 is real time.
+        ghost: whether to draw the best-known flight.
+        video: a .mp4 or .gif file to record to.
     """
     session = Session(problem, speed, ghost)
     window = Window(f"FlatQuad: {session.scenario.name}", SIZE, FRAMES_PER_SECOND)
@@ -48,24 +48,24 @@ def play(problem: str, speed: float = 0.25, ghost: bool = True, video: Path | No
 
 
 def frames(session: Session, events: Events, window: Window | None = None) -> Iterator[Canvas]:
-    """Yield what is seen, frame by frame, until the session is over; the next frame is drawn over it."""
+    """Yield the canvas of each frame until the session is over; the next frame reuses it."""
     controls, picture = Controls(), None
     while True:
         for event in events():
-            obey(session, controls, event)
+            handle(session, controls, event)
         if session.over:
             return
         session.advance(controls, 1 / FRAMES_PER_SECOND)
-        picture = fitting(session, picture)
-        canvas = picture.draw(session.instant, session.with_ghost)
+        picture = picture_of(session, picture)
+        canvas = picture.draw(session.instant, session.show_ghost)
         captions(canvas, picture.unit, session)
         if window is not None:
             window.show(canvas)
         yield canvas
 
 
-def fitting(session: Session, picture: Picture | None) -> Picture:
-    """Return the picture, or a new one when another scenario is flown."""
+def picture_of(session: Session, picture: Picture | None) -> Picture:
+    """Return the picture, or a new one if the scenario has changed."""
     load_pygame()
     from flatgym.rendering.picture import Picture
 
@@ -75,8 +75,8 @@ def fitting(session: Session, picture: Picture | None) -> Picture:
     return Picture(session.scenario, SIZE, known.k_star if known else None, session.ghost)
 
 
-def obey(session: Session, controls: Controls, event: Any) -> None:
-    """Let an event of pygame change what is held, or command the session."""
+def handle(session: Session, controls: Controls, event: Any) -> None:
+    """Apply a pygame event: to the controls, or as a command to the session."""
     import pygame
 
     if event.type in (pygame.QUIT, pygame.WINDOWCLOSE):
@@ -90,7 +90,7 @@ def obey(session: Session, controls: Controls, event: Any) -> None:
     elif event.type == pygame.KEYUP:
         controls.held.discard(pygame.key.name(event.key))
     elif event.type == pygame.WINDOWFOCUSLOST:
-        # Keys let go elsewhere are never reported.
+        # The release of a key in another window is not reported.
         controls.held.clear()
     elif event.type == pygame.CONTROLLERAXISMOTION:
         controls.axes[event.axis] = event.value / STICK
@@ -100,7 +100,7 @@ def obey(session: Session, controls: Controls, event: Any) -> None:
 
 
 def pygame_events() -> Events:
-    """Return a source of all events of keyboard, windows and gamepads, those plugged in later included."""
+    """Return a source of all events of keyboard, window and gamepads, also of gamepads connected later."""
     import pygame
     from pygame._sdl2 import controller
 
@@ -111,7 +111,7 @@ def pygame_events() -> Events:
         happened = pygame.event.get()
         for event in happened:
             if event.type == pygame.CONTROLLERDEVICEADDED:
-                # A gamepad reports as long as somebody holds on to it.
+                # A gamepad reports events while there is a reference to its object.
                 pads[event.device_index] = controller.Controller(event.device_index)
         return happened
 
@@ -119,7 +119,7 @@ def pygame_events() -> Events:
 
 
 def captions(canvas: Canvas, unit: float, session: Session) -> None:
-    """Write what the person may want to know: the keys, the speed, the best flight, and the result at the end."""
+    """Write the keys, the speed, the steps of the best flight so far, and the result at the end."""
     from flatgym.rendering.dashboard import FOOTER
     from flatgym.rendering.palette import FAINT
 
@@ -128,15 +128,15 @@ def captions(canvas: Canvas, unit: float, session: Session) -> None:
     canvas.text(pace, (150 * unit, 64 * unit), 18 * unit, FAINT)
     canvas.text(HELP, (width - 84 * unit, height - FOOTER / 2 * unit), 17 * unit, FAINT, "midright")
     if session.outcome != "flying":
-        banner(canvas, unit, session.verdict(), "R to fly again")
+        banner(canvas, unit, session.result_text(), "R to restart")
     elif session.paused:
-        banner(canvas, unit, "paused", "space to fly on")
-    elif session.waiting > 0:
-        banner(canvas, unit, f"ready: {session.waiting:.0f}", "touch a key to start")
+        banner(canvas, unit, "paused", "space to resume")
+    elif session.countdown > 0:
+        banner(canvas, unit, f"ready: {session.countdown:.0f}", "press a key to start")
 
 
 def banner(canvas: Canvas, unit: float, text: str, below: str) -> None:
-    """Write two lines on a card low in the middle."""
+    """Write two lines on a card at the bottom centre."""
     from flatgym.rendering.canvas import text_width
     from flatgym.rendering.palette import FAINT, INK, PALE, WHITE
 

@@ -1,4 +1,4 @@
-"""Flying by hand: keys and sticks become actions, commands change the session, and scripts fly as people would."""
+"""Manual flight: keys and sticks become actions, commands change the session; scripts act as the user."""
 
 import sys
 from itertools import chain, repeat
@@ -12,15 +12,15 @@ from experiments.cli import app
 from experiments.play import window as module
 from experiments.play.session import (
     COMMANDS,
+    COUNTDOWN,
     LIFT_AXIS,
-    PATIENCE,
     RATE_AXIS,
     TRIGGER_AXIS,
     Controls,
     Session,
     stick_action,
 )
-from experiments.play.window import frames, obey, play
+from experiments.play.window import frames, handle, play
 from flatgym import SCENARIOS
 from flatgym.rendering import load_pygame
 from flatgym.scenarios.reference import reference
@@ -59,15 +59,15 @@ def script(*batches):
 
 def fly(session, actions):
     """Fly actions (K, 2) in the session, a frame at a time."""
-    pilot = Autopilot(actions)
-    session.waiting = 0.0
+    autopilot = Autopilot(actions)
+    session.countdown = 0.0
     while session.outcome == "flying":
-        session.advance(pilot, 1 / 50)
+        session.advance(autopilot, 1 / 50)
 
 
 @pytest.fixture(autouse=True)
 def headless(monkeypatch):
-    """Windows that nobody sees; the names of keys need pygame's display."""
+    """Invisible windows; the names of keys need pygame's display."""
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     pygame.display.quit()
     pygame.display.init()
@@ -87,11 +87,11 @@ def headless(monkeypatch):
         (("up", "w", "space"), (1, 0)),
     ],
 )
-def test_keys_are_all_or_nothing_and_cancel(held, action):
+def test_keys_command_limits_and_cancel(held, action):
     assert Controls(held=set(held)).action(HOVER) == pytest.approx(np.array(action, dtype=np.float32))
 
 
-def test_a_gamepad_reaches_every_limit_and_rests_at_hover():
+def test_a_gamepad_reaches_all_limits_and_hovers_when_released():
     cases = {
         (): (HOVER, 0),
         ((RATE_AXIS, 1.0),): (HOVER, 1),
@@ -107,38 +107,38 @@ def test_a_gamepad_reaches_every_limit_and_rests_at_hover():
 
 
 def test_a_stick_is_monotone_and_has_no_jump():
-    ways = np.linspace(-1, 1, 401)
-    actions = np.array([stick_action({RATE_AXIS: way, LIFT_AXIS: -way}, HOVER) for way in ways])
+    deflections = np.linspace(-1, 1, 401)
+    actions = np.array([stick_action({RATE_AXIS: x, LIFT_AXIS: -x}, HOVER) for x in deflections])
     assert (np.diff(actions, axis=0) >= 0).all()
     assert np.diff(actions, axis=0).max() < 0.01
 
 
-def test_a_gamepads_events_are_obeyed():
+def test_gamepad_events_are_handled():
     session, controls = Session("hoop"), Controls()
-    obey(
+    handle(
         session, controls, pygame.event.Event(pygame.CONTROLLERAXISMOTION, axis=RATE_AXIS, value=-32768, instance_id=0)
     )
     assert controls.touched
     assert controls.action(HOVER) == pytest.approx([HOVER, -1])
     start = pygame.event.Event(pygame.CONTROLLERBUTTONDOWN, button=pygame.CONTROLLER_BUTTON_START, instance_id=0)
-    obey(session, controls, start)
+    handle(session, controls, start)
     assert session.paused
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.25, 1.0, 2.0])
-def test_at_any_speed_a_session_flies_as_the_environment(speed):
+def test_a_session_matches_the_environment_at_any_speed(speed):
     session = Session("hoop", speed)
     fly(session, reference("hoop").actions)
     assert (session.outcome, session.steps, session.best_steps) == ("goal", 70, 70)
-    assert session.verdict() == "goal in 70 steps; K* is 70, the gap +0.0%"
+    assert session.result_text() == "goal in 70 steps; K* is 70, the gap +0.0%"
     assert np.allclose(session.instant.states, session.ghost, atol=1e-9)
 
 
-def test_within_a_step_the_exact_arc_is_seen():
+def test_within_a_step_the_exact_arc_is_shown():
     session = Session("hoop", speed=0.25)
-    pilot = Autopilot(reference("hoop").actions)
-    session.waiting = 0.0
-    session.advance(pilot, 5.5 * STEP / 0.25)
+    autopilot = Autopilot(reference("hoop").actions)
+    session.countdown = 0.0
+    session.advance(autopilot, 5.5 * STEP / 0.25)
     instant, quadrotor = session.instant, SCENARIOS["hoop"].quadrotor
     control = quadrotor.control(reference("hoop").actions[5])
     assert instant.part == pytest.approx(0.5)
@@ -146,13 +146,13 @@ def test_within_a_step_the_exact_arc_is_seen():
     assert np.allclose(instant.states[-1], quadrotor.step(instant.states[-2], control, STEP / 2), atol=1e-12)
 
 
-def test_nothing_held_hovers_until_the_time_limit():
+def test_without_input_it_hovers_until_the_time_limit():
     session = Session("hoop", speed=1.0)
-    last = [canvas for canvas, _ in zip(frames(session, list), range(int(50 * (PATIENCE + 5)) + 9), strict=False)][-1]
+    last = [canvas for canvas, _ in zip(frames(session, list), range(int(50 * (COUNTDOWN + 5)) + 9), strict=False)][-1]
     assert last.pixels().std() > 5
     assert (session.outcome, session.steps) == ("time-limit", 250)
     assert np.abs(session.instant.states - SCENARIOS["hoop"].start_state).max() < 1e-3
-    assert session.verdict() == "time-limit after 250 steps"
+    assert session.result_text() == "time-limit after 250 steps"
     assert session.best_steps == 0
 
 
@@ -166,7 +166,7 @@ def test_keys_fly():
     assert states[-1, 4] == pytest.approx(2 * STEP * 10)
 
 
-def test_the_flight_waits_for_the_first_touch_but_not_forever():
+def test_the_flight_waits_for_the_controls_or_the_countdown():
     session, nothing = Session("hoop", speed=1.0), Controls()
     for _ in range(100):
         session.advance(nothing, 1 / 50)
@@ -184,7 +184,7 @@ def test_restart_pause_ghost_and_speed():
     )
     steps = [session.steps for _ in seen]
     assert steps == [0, 1, 2, 2, 2, 2, 3, 4, 0, 1, 2]
-    assert session.with_ghost is False
+    assert session.show_ghost is False
     assert session.speed == pytest.approx(0.8)
     assert session.flights == 2
 
@@ -197,34 +197,34 @@ def test_speed_has_limits_on_the_keys_too():
         assert session.speed == limit
 
 
-def test_there_are_ways_to_quit():
+def test_two_keys_and_the_window_quit():
     for end in (key("q"), key("escape"), pygame.event.Event(pygame.WINDOWCLOSE)):
         session = Session("hoop")
         assert len(list(frames(session, script([], [end], [])))) == 1
         assert session.over
 
 
-def test_keys_let_go_elsewhere_are_not_held():
+def test_losing_the_focus_releases_all_keys():
     controls = Controls(held={"up"})
-    obey(Session("hoop"), controls, pygame.event.Event(pygame.WINDOWFOCUSLOST))
+    handle(Session("hoop"), controls, pygame.event.Event(pygame.WINDOWFOCUSLOST))
     assert not controls.touched
 
 
-def test_the_best_flight_of_the_session_is_kept():
+def test_the_fewest_steps_of_a_session_are_remembered():
     session = Session("horizontal-3", speed=1.0)
-    waiting = np.array([[session.hover, 0.0]] * 3, dtype=np.float32)
+    hovering = np.array([[session.hover, 0.0]] * 3, dtype=np.float32)
     best = reference("horizontal-3").actions
-    fly(session, np.concatenate([waiting, best]))
+    fly(session, np.concatenate([hovering, best]))
     assert session.best_steps == 47
     session.restart()
     fly(session, best)
     assert session.best_steps == 44
     session.restart()
-    fly(session, np.concatenate([waiting, best]))
+    fly(session, np.concatenate([hovering, best]))
     assert session.best_steps == 44
 
 
-def test_a_distribution_gives_another_scenario_each_flight():
+def test_a_distribution_gives_a_new_scenario_for_each_flight():
     session = Session("random-goal", speed=1.0)
     assert session.ghost is None
     first = session.scenario
@@ -233,7 +233,7 @@ def test_a_distribution_gives_another_scenario_each_flight():
     assert (pictures[0] != pictures[-1]).any()
 
 
-def test_every_command_is_obeyed():
+def test_every_command_changes_the_session():
     for word in set(COMMANDS.values()):
         session = Session("hoop")
         before = dict(vars(session))
@@ -241,7 +241,7 @@ def test_every_command_is_obeyed():
         assert any(vars(session)[name] is not value for name, value in before.items())
 
 
-def test_a_window_is_opened_flown_in_and_recorded(monkeypatch, tmp_path):
+def test_a_flight_in_a_window_is_recorded(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "FRAMES_PER_SECOND", 1000)
     pushed = iter([[key("up")], [], [key("space")], [], [key("q")]])
 
@@ -280,7 +280,7 @@ def test_help_has_an_example():
     assert "flatquad play hoop" in result.output
 
 
-def test_the_weight_is_hovered():
+def test_hover_balances_gravity():
     session = Session("hoop")
     env = gym.make("FlatQuad-v0", scenario="hoop")
     env.reset(seed=0)
