@@ -27,7 +27,7 @@ COARSE_EVALUATIONS = 6
 """Most evaluations of F on a grid that is not the last."""
 SHRINKAGE = 0.7
 """The windows are cut again with the same multipliers while their total length falls below this share."""
-LEAST_ANGLES = 30
+LEAST_ANGLES = 40
 """Fewest angles of a turn of a coarse grid."""
 CHEAP, EXPENSIVE = 3e6, 6e9
 """A cost of one evaluation at which no coarser grid is tried before, and one at which all flights are branched into
@@ -144,7 +144,8 @@ class Exclusion:
             return self._add(grid, hoops, y, -np.inf)
         if hoops and self._prune(grid, hoops, y):
             return True
-        if not last and self._cost(grid, hoops) < CHEAP / 8:
+        if not last:
+            # The multipliers of a coarse grid suit its errors, not the next grid.
             return False
         found = separate(self._dual(grid, hoops), y, max_evaluations, self.deadline)
         self.evaluations += found.evaluations
@@ -152,7 +153,7 @@ class Exclusion:
         if found.value < 0:
             return self._add(grid, hoops, found.multipliers, found.value)
         self.value = found.value
-        return bool(hoops) and not last and self._prune(grid, hoops, found.multipliers)
+        return False
 
     def _prune(self, grid: TimeGrid, hoops: tuple[int, ...], y: Array) -> bool:
         """Cut the windows with some multipliers while they shrink. Return whether no flight is left."""
