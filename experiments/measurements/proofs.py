@@ -21,7 +21,6 @@ from experiments.measurements.sections import Advance, uniform_goal
 from flatgym import SCENARIOS, Quadrotor, Scenario
 from flatgym.envs.vector import FlatQuadVectorEnv
 from optimal import Certificate, FewestSteps, Trajectory, certify, prove
-from optimal.proof.branch_and_bound import windings
 from optimal.proof.lower_bound import Proof
 
 PROCESSES = 2
@@ -55,7 +54,7 @@ def proof_row(proof: Proof) -> Row:
         "gap": proof.gap,
         "verdict": proof.verdict.value,
         "branches": len(proof.excluded),
-        "windings": len(windings(proof.scenario, proof.tolerance, proof.time)),
+        "windings": len({branch.winding for branch, _ in proof.excluded}),
         "evaluations": proof.evaluations,
         "wall_time_s": proof.wall_time,
         "checked": proof.check(),

@@ -120,7 +120,7 @@ class Dual:
         """Return F with a subgradient."""
         found = self.evaluate(y)
         chain, first = self._chain(y)
-        slope = self._shared_slope(y, chain)
+        slope = self._shared_slope(chain)
         if np.isfinite(found.value):
             for begin in (0, 1):
                 self._add_slope(slope, begin, chain, first)
@@ -140,10 +140,8 @@ class Dual:
             total += best_through(chain, self._tilts, self._values[begin], backward, past) / 2
         left = []
         for row, (low, high) in zip(chain.rows[1:-1], chain.windows[1:-1], strict=True):
-            through = total[row + low : row + high + 1]
-            cells = (
-                np.flatnonzero((through[:-1] >= 0) | (through[1:] >= 0)) if high > low else np.flatnonzero(through >= 0)
-            )
+            open_ends = total[row + low : row + high + 1] >= 0
+            cells = np.flatnonzero(open_ends[:-1] | open_ends[1:] if high > low else open_ends)
             if not len(cells):
                 return None
             left.append([low + cells[0], min(low + cells[-1] + 1, high)])
@@ -198,7 +196,7 @@ class Dual:
         heights = float(kappa @ (chain.places[-1, 0, 1] - self._heights)) / self._duration
         return heights + self.problem.speed * float(np.hypot(*end)) + float(self._penalty_ends @ y[-2:])
 
-    def _shared_slope(self, y: Array, chain: Chain) -> Array:
+    def _shared_slope(self, chain: Chain) -> Array:
         """Return a subgradient of the terms that all chains share."""
         slope, end = np.zeros(self.size), chain.weights[-1] + chain.common[-1]
         push = self.problem.speed * _unit(end)

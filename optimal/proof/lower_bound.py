@@ -11,8 +11,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
+from pathlib import Path
 
 from flatgym.scenarios.catalogue import ScenarioLike, scenario
 from flatgym.scenarios.scenario import Scenario, Tolerance
@@ -20,6 +21,7 @@ from optimal.direct.feasibility import beyond_horizon, infeasibility_proof, infe
 from optimal.direct.multistart import search
 from optimal.direct.shooting import ShootingSolution
 from optimal.flights.projection_bound import projection_bound
+from optimal.proof import files
 from optimal.proof.branch_and_bound import BranchAndBound, Candidate, ExcludedBranch, windings
 from optimal.proof.branches import Branch, covered
 from optimal.proof.initial_multipliers import active_hoops, kink_shares, multipliers
@@ -97,6 +99,23 @@ class Proof:
         if not covered((branch for branch, _ in self.excluded), windings(problem)):
             return False
         return all(excluded(problem, *each) for each in self.excluded)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the proof as JSON with exact numbers, and return the path of its file."""
+        return files.write(path, {field.name: getattr(self, field.name) for field in fields(self)})
+
+    @classmethod
+    def load(cls, path: str | Path) -> Proof:
+        """Return the proof of a file. It is not checked.
+
+        Raises:
+            ValueError: for a file that is not a proof.
+        """
+        values = files.decode(Path(path).read_text(encoding="utf-8"))
+        try:
+            return cls(**values | {"verdict": Verdict[values["verdict"]]})
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"not a proof: {error}") from None
 
 
 def prove(

@@ -11,6 +11,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ from optimal.proof.dual import Dual
 from optimal.proof.stations import Problem, Windows, hoops_apart, possible_windows
 from optimal.proof.time_grid import TimeGrid, time_grid
 
-COARSE_EVALUATIONS = 6
+COARSE_EVALUATIONS = 12
 """Most evaluations of F on a grid that is not the last."""
 SHRINKAGE = 0.7
 """The windows are cut again with the same multipliers while their total length falls below this share."""
@@ -70,7 +71,7 @@ def excluded(problem: Problem, branch: Branch, stages: Sequence[Stage]) -> bool:
 def _admissible(problem: Problem, stage: Stage) -> bool:
     """Return whether grid and hoops of a stage belong to a problem."""
     grid, hoops = stage.grid, stage.hoops
-    ascending = all(a < b for a, b in zip(hoops, hoops[1:], strict=False)) and set(hoops) <= {*problem.hoops}
+    ascending = all(a < b for a, b in pairwise(hoops)) and set(hoops) <= {*problem.hoops}
     return ascending and grid.rate_max == problem.scenario.quadrotor.rate_max and grid.time >= problem.duration
 
 
@@ -144,16 +145,15 @@ class Exclusion:
             return self._add(grid, hoops, y, -np.inf)
         if hoops and self._prune(grid, hoops, y):
             return True
-        if not last:
-            # The multipliers of a coarse grid suit its errors, not the next grid.
-            return False
+        if grid.turn < self.turn / 2.5:
+            return False  # The multipliers of a coarse grid suit its errors, not the next grid.
         found = separate(self._dual(grid, hoops), y, max_evaluations, self.deadline)
         self.evaluations += found.evaluations
         self._insert(hoops, found.multipliers)
         if found.value < 0:
             return self._add(grid, hoops, found.multipliers, found.value)
         self.value = found.value
-        return False
+        return bool(hoops) and not last and self._prune(grid, hoops, found.multipliers)
 
     def _prune(self, grid: TimeGrid, hoops: tuple[int, ...], y: Array) -> bool:
         """Cut the windows with some multipliers while they shrink. Return whether no flight is left."""
@@ -186,7 +186,7 @@ class Exclusion:
     def _cost(self, grid: TimeGrid, hoops: Sequence[int]) -> float:
         """Return the cost of one evaluation, in samples times tilts."""
         counts = [1.0, *(1 + (self.windows[i][1] - self.windows[i][0]) / grid.dt for i in hoops), 1.0]
-        pairs = sum(a * b for a, b in zip(counts[:-1], counts[1:], strict=True))
+        pairs = sum(a * b for a, b in pairwise(counts))
         return 2 * pairs * grid.steps / len(counts[1:]) * grid.turn
 
     def _positions(self, hoops: Sequence[int]) -> Array:
