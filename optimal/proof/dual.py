@@ -155,7 +155,7 @@ class Dual:
         for i in range(last + 1) if last else ():
             least = max(self._least[i] - 2 * dt, LEAST_LENGTH)
             shortest = np.maximum((np.arange(self.grid.steps + 1) - 2) * dt, least)
-            with np.errstate(over="ignore"):
+            with np.errstate(over="ignore", divide="ignore"):
                 terms = acceleration / shortest + self._stations.far[i] / shortest**3
             found[i] = ((i > 0) + (i < last)) * terms * dt**2 / 4
         return found
