@@ -30,7 +30,7 @@ SHRINKAGE = 0.7
 """The windows are cut again with the same multipliers while their total length falls below this share."""
 LEAST_ANGLES = 40
 """Fewest angles of a turn of a coarse grid."""
-CHEAP, EXPENSIVE = 3e5, 6e9
+CHEAP, EXPENSIVE = 3e6, 6e9
 """A cost of one evaluation at which no coarser grid is tried before, and one at which all flights are branched into
 windings instead, in samples times tilts."""
 
@@ -124,7 +124,7 @@ class Exclusion:
         rate = self.problem.scenario.quadrotor.rate_max
         grids = [time_grid(self.problem.duration, rate, turn=self.turn)]
         while hoops and self._cost(grids[0], hoops) > CHEAP and grids[0].turn >= 2 * LEAST_ANGLES:
-            coarser = time_grid(self.problem.duration, rate, turn=grids[0].turn // 2)
+            coarser = time_grid(self.problem.duration, rate, turn=grids[0].turn * 2 // 3)
             if coarser.turn >= grids[0].turn:
                 break
             grids.insert(0, coarser)
