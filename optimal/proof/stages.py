@@ -7,6 +7,7 @@ only.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -134,6 +135,8 @@ class Exclusion:
                 break
             if self._stage(grid, hoops, max_evaluations if last else COARSE_EVALUATIONS, last):
                 break
+            if self.branch.winding is None and len(hoops) > 1 and math.isfinite(self.value):
+                break  # The windings are then cheaper than a finer grid for all of them.
         return self
 
     def _stage(self, grid: TimeGrid, hoops: Sequence[int], max_evaluations: int, last: bool) -> bool:

@@ -171,9 +171,9 @@ def random_track(seed: int):
     generator = np.random.default_rng(seed)
     count, place, hoops = 2 + seed % 3, np.zeros(2), []
     for _ in range(count):
-        place = place + [1.5 + generator.uniform(0, 1), generator.uniform(-1, 1)]
+        place = place + np.array([1.5 + generator.uniform(0, 1), generator.uniform(-1, 1)])
         hoops.append(Hoop(*place.tolist(), 0.6, float(generator.uniform(-0.5, 0.5))))
-    scenario = Scenario("track", (0, 0), tuple((place + [2.0, 0.0]).tolist()), tuple(hoops))
+    scenario = Scenario("track", (0, 0), (float(place[0]) + 2.0, float(place[1])), tuple(hoops))
     return scenario, solve_coarse(scenario, 0)
 
 

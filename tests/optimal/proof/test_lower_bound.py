@@ -88,7 +88,7 @@ def test_a_proof_without_one_of_its_branches_or_stages_is_invalid(name):
 
 
 @pytest.mark.parametrize("name", FORGED)
-def test_a_proof_with_other_multipliers_is_invalid(name, generator):
+def test_a_proof_with_other_multipliers_is_invalid(name):
     found = proof(name)
     for i, (branch, stages) in enumerate(found.excluded):
         y = stages[-1].multipliers

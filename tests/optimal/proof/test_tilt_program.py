@@ -233,7 +233,8 @@ def test_a_held_tilt_may_turn_away_immediately():
         strength = np.where(np.arange(grid.steps + 1) <= grid.steps // 2, before, after)
         weight = np.column_stack([strength, np.zeros(grid.steps + 1)])
         flown = integral(vehicle, grid, weight, tilt)
-        assert flown <= bound(program(weight, *tuned(program, weight))) < 1.02 * flown
+        # An instant of the grid counts as between two, so the bounds are wider by one more angle.
+        assert flown <= bound(program(weight, *tuned(program, weight))) < 1.03 * flown
 
 
 def test_holding_the_tilt_never_raises_the_bound_and_one_half_keeps_it(generator):
