@@ -90,6 +90,7 @@ def show_leaderboard(leaderboard: Leaderboard, results: Row) -> None:
     """Print the nominal scores of all agents, then the errors of those that failed."""
     from experiments.benchmark.conditions import COMBINED, NOMINAL
     from experiments.benchmark.formats import describe_disturbances
+    from experiments.provenance import SMALL_SIZES
 
     combined = {
         (score.problem, score.agent): score.success for score in leaderboard.scores if score.condition == COMBINED
@@ -102,9 +103,10 @@ def show_leaderboard(leaderboard: Leaderboard, results: Row) -> None:
         [leaderboard_cells(row, combined.get((row.problem, row.agent))) for row in leaderboard.rows],
         optional=("training time [s]", "disturbed"),
     )
+    small = f" {SMALL_SIZES}" if results["smoke"] else ""
     paragraph(
         f"Success and gap are for {NOMINAL} episodes, with 95 % bootstrap intervals where they vary; the gap is "
-        f"K / K* - 1 of successful episodes. Disturbed: success with {describe_disturbances(disturbances)}."
+        f"K / K* - 1 of successful episodes. Disturbed: success with {describe_disturbances(disturbances)}.{small}"
     )
     for row in leaderboard.rows:
         for error in row.errors:

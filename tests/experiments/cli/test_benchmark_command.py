@@ -1,4 +1,4 @@
-"""`flatquad benchmark` and `flatquad report`: one command to everything, and nothing lost on the way."""
+"""`flatquad benchmark` and `flatquad report`: failures, interrupted runs, damaged files, bad arguments."""
 
 import json
 import signal
@@ -49,7 +49,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_what_fails_is_marked_and_the_rest_goes_on(folder):
+def test_failures_are_reported_and_the_rest_goes_on(folder):
     results = json.loads((folder / "benchmark.json").read_text())
     cells = {(cell["agent"], cell["seed"]): cell for cell in results["cells"]}
     assert set(cells) == {("bc", 0), ("bc", 1), ("pd", 0), ("pretrained", 0), ("crasher", 0), ("sleeper", 0)}
@@ -75,7 +75,7 @@ def timeless(results):
 TIMES = ("date", "command", "commit", "training_s", "planning_s")
 
 
-def test_a_killed_run_goes_on_to_what_it_would_have_been(folder, tmp_path):
+def test_a_killed_run_resumes_and_ends_the_same(folder, tmp_path):
     code = (
         "from experiments.benchmark.run import run\nfrom tests_small import SMALL\n"
         "from experiments.terminal import progress_bar\nfrom pathlib import Path\n"
@@ -97,7 +97,7 @@ def test_a_killed_run_goes_on_to_what_it_would_have_been(folder, tmp_path):
     assert timeless(json.loads((tmp_path / "mine.json").read_text())) == timeless(uninterrupted)
 
 
-def test_a_damaged_cell_is_named_set_aside_and_made_again(folder, monkeypatch, capsys):
+def test_a_damaged_cell_is_named_moved_aside_and_repeated(folder, monkeypatch, capsys):
     cell = folder / "benchmark" / "climb-pd-0.json"
     before, half = json.loads(cell.read_text()), cell.read_text()[:99]
     cell.write_text(half)
@@ -138,12 +138,12 @@ def test_an_unknown_option_suggests_the_nearest(monkeypatch, capsys, arguments, 
     assert nearest in err
 
 
-def test_the_report_shows_what_is_published_when_nothing_is_ones_own(monkeypatch, capsys, tmp_path):
+def test_the_report_shows_the_published_results_by_default(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     status, out, _ = flatquad(monkeypatch, capsys, "report", "--out", "mine.html", "--json")
     assert status == 0
     assert json.loads(out) == {"report": str(tmp_path / "mine.html"), "bytes": (tmp_path / "mine.html").stat().st_size}
-    (tmp_path / "half.json").write_text('{"schema": 1, "cel')
+    (tmp_path / "half.json").write_text('{"schema": 2, "cel')
     status, _, err = flatquad(monkeypatch, capsys, "report", "--results", "half.json")
     assert status == 2
     assert "half.json holds no results that can be read" in err
