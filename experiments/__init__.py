@@ -1,4 +1,4 @@
-"""The questions: the paper's tables, agents against the optimum, figures, and the command line."""
+"""Experiments: the paper's tables, the benchmark of agents, measurements, figures, and the command line."""
 
 from flatgym.extras import require
 

@@ -12,7 +12,6 @@ from experiments.paper import printed as paper_printed
 from experiments.paper.comparison import COLUMNS, compare
 from experiments.paper.initialisation import INITIALISATION_COLUMNS, initialisation_study
 from experiments.paper.printed import PONTRYAGIN, PRINTED
-from experiments.paper.tables import comparison_table
 from experiments.paper.verdicts import VERDICT_COLUMNS, check_printed_time
 from experiments.publishing.paper import paper as paper_blocks
 from flatgym import SCENARIOS
