@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from experiments.benchmark import suite
-from experiments.benchmark.results import merge, only
+from experiments.benchmark.results import merge, select_problem
 from experiments.benchmark.suite import SUITES, Suite
 from experiments.cli import app
 from experiments.files import published
@@ -146,7 +146,11 @@ def test_the_report_shows_the_published_results_by_default(monkeypatch, capsys, 
     (tmp_path / "half.json").write_text('{"schema": 2, "cel')
     status, _, err = flatquad(monkeypatch, capsys, "report", "--results", "half.json")
     assert status == 2
-    assert "half.json holds no results that can be read" in err
+    assert "half.json is damaged" in err
+    (tmp_path / "old.json").write_text('{"schema": 1, "command": "flatquad benchmark"}')
+    status, _, err = flatquad(monkeypatch, capsys, "report", "--results", "old.json")
+    assert status == 2
+    assert "old.json has schema 1, this version reads 2: run the command again, `flatquad benchmark`" in err
     status, _, err = flatquad(monkeypatch, capsys, "report", "--results", "missing.json")
     assert status == 2
     assert "there is no missing.json" in err
@@ -154,7 +158,7 @@ def test_the_report_shows_the_published_results_by_default(monkeypatch, capsys, 
 
 def test_results_are_merged_without_mixing_runs_of_an_agent():
     results = published("learners.json")
-    hoop = only("hoop", results)
+    hoop = select_problem("hoop", results)
     assert {cell["problem"] for cell in hoop["cells"]} == set(hoop["k_star"]) == {"hoop"}
     both = merge(hoop, results)
     key = [(cell["problem"], cell["agent"], cell["seed"]) for cell in both["cells"]]
