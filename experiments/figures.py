@@ -50,7 +50,7 @@ def optimal_track(solution: Solution) -> Track:
     return Track(f"optimum, T* = {solution.time:.4f} s", samples.time, samples.state, samples.control)
 
 
-def flown_track(scenario: Scenario, actions: NDArray[np.float32], name: str) -> Track:
+def replayed_track(scenario: Scenario, actions: NDArray[np.float32], name: str) -> Track:
     """Return the flight of actions (K, 2), replayed in the task, as a track."""
     situations = fly_actions(scenario, actions)
     states = np.array([situation.state[0] for situation in situations])
@@ -240,7 +240,7 @@ def learning(curve: Sequence[Mapping[str, Any]], k_star: float, title: str) -> g
     return layout(figure, title)
 
 
-def write(figure: go.Figure, path: Path | str) -> None:
+def write_page(figure: go.Figure, path: Path | str) -> None:
     """Write a figure as an HTML page; all figures of a folder share one plotly.min.js."""
     path = Path(path)
     script = path.with_name("plotly.min.js")

@@ -36,9 +36,9 @@ CLOSE, BUDGET, LONG_BUDGET = 2e-4, 60.0, 600.0
 """Requested gap, time budget with at most one hoop [s], and time budget with more hoops [s]."""
 
 
-def in_parallel(ask: Callable[..., Row], tasks: Iterable[Sequence[Any]], advance: Advance) -> list[Row]:
-    """Return `ask(*task)` of all tasks, in their order."""
-    calls = [joblib.delayed(ask)(*task) for task in tasks]
+def in_parallel(function: Callable[..., Row], tasks: Iterable[Sequence[Any]], advance: Advance) -> list[Row]:
+    """Return `function(*task)` of all tasks, in their order."""
+    calls = [joblib.delayed(function)(*task) for task in tasks]
     rows: list[Row] = []
     for row in joblib.Parallel(n_jobs=PROCESSES, return_as="generator")(calls):
         rows.append(row)

@@ -132,9 +132,11 @@ print(f"{file}: {len(samples.time)} rows, read back exactly: {np.array_equal(opt
 # %%
 through = figures.optimal_track(solution)
 around = figures.optimal_track(next(one for one in solutions if one.scenario == open_air and one.method == "shooting"))
-tracks = [through, figures.flown_track(window, best.actions, "K*"), around]
-figures.write(figures.paths([window, window, open_air], tracks, "The window, and the open air"), FOLDER / "paths.html")
-figures.write(figures.controls(window.quadrotor, tracks, "Thrust and rate"), FOLDER / "controls.html")
+tracks = [through, figures.replayed_track(window, best.actions, "K*"), around]
+figures.write_page(
+    figures.paths([window, window, open_air], tracks, "The window, and the open air"), FOLDER / "paths.html"
+)
+figures.write_page(figures.controls(window.quadrotor, tracks, "Thrust and rate"), FOLDER / "controls.html")
 print(f"pictures: {FOLDER / 'paths.html'}, {FOLDER / 'controls.html'}")
 
 # %% [markdown]

@@ -146,9 +146,9 @@ scores += [scored("cloned, then PPO", tuned)]
 # %%
 policies = {"cloned": cloned, "DAgger": dagger_policy, "cloned, then PPO": tuned}
 flights = {name: agents.fly(policy, NAME).actions[0] for name, policy in policies.items()}
-tracks = [figures.flown_track(scenario, planned[0].flight.actions, "demonstrated")]
-tracks += [figures.flown_track(scenario, actions, name) for name, actions in flights.items()]
-figures.write(figures.paths(scenario, tracks, f"{NAME}: demonstrated and learned"), FOLDER / "paths.html")
+tracks = [figures.replayed_track(scenario, planned[0].flight.actions, "demonstrated")]
+tracks += [figures.replayed_track(scenario, actions, name) for name, actions in flights.items()]
+figures.write_page(figures.paths(scenario, tracks, f"{NAME}: demonstrated and learned"), FOLDER / "paths.html")
 print(f"picture: {FOLDER / 'paths.html'}")
 
 # %% [markdown]

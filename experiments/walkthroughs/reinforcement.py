@@ -118,11 +118,13 @@ print(scores[["agent", "success_rate", "steps", "k_star", "gap", "outcomes"]].to
 # The optimum and the agents in equal time steps, and the learning curve against K*.
 
 # %%
-tracks = [figures.flown_track(scenario, best.actions, "optimum")]
+tracks = [figures.replayed_track(scenario, best.actions, "optimum")]
 flights = {name: agents.fly(policy, NAME).actions[0] for name, policy in policies.items()}
-tracks += [figures.flown_track(scenario, actions, name) for name, actions in flights.items()]
-figures.write(figures.paths(scenario, tracks, f"{NAME}: the optimum and the agents"), FOLDER / "paths.html")
-figures.write(figures.learning(training.curve, best.k_star, f"{NAME}: PPO with a curriculum"), FOLDER / "learning.html")
+tracks += [figures.replayed_track(scenario, actions, name) for name, actions in flights.items()]
+figures.write_page(figures.paths(scenario, tracks, f"{NAME}: the optimum and the agents"), FOLDER / "paths.html")
+figures.write_page(
+    figures.learning(training.curve, best.k_star, f"{NAME}: PPO with a curriculum"), FOLDER / "learning.html"
+)
 print(f"pictures: {FOLDER / 'paths.html'}, {FOLDER / 'learning.html'}")
 
 # %% [markdown]

@@ -65,7 +65,7 @@ def test_a_learning_curve_separates_successes_from_failures():
 
 def test_written_pages_share_one_script(track, tmp_path, quadrotor):
     for name in ("one", "two"):
-        figures.write(figures.controls(quadrotor, [track], name), tmp_path / f"{name}.html")
+        figures.write_page(figures.controls(quadrotor, [track], name), tmp_path / f"{name}.html")
     assert {path.name for path in tmp_path.iterdir()} == {"one.html", "two.html", "plotly.min.js"}
     assert 'src="plotly.min.js"' in (tmp_path / "one.html").read_text()
     assert (tmp_path / "one.html").stat().st_size < 100_000
