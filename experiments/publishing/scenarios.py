@@ -70,13 +70,14 @@ def picture(scenario: Scenario) -> str:
     parts = [f'<text x="{TILE / 2:.0f}" y="18" text-anchor="middle" fill="{INK}">{scenario.name}</text>']
     if scenario.floor is not None:
         wide = (TILE / 2 - EDGE / 2) / scale
-        parts.append(line(*(np.array([middle[0] + side * wide, scenario.floor]) for side in (-1, 1)), GROUND, 2))
+        left, right = (np.array([middle[0] + side * wide, scenario.floor]) for side in (-1, 1))
+        parts.append(line(left, right, GROUND, 2))
     track = " ".join(place(state[0:2]) for state in states)
     parts.append(f'<polyline points="{track}" fill="none" stroke="{PATH}" stroke-width="1.5"/>')
     for state in states[::EVERY]:
         arm = VEHICLE / 2 * np.array([np.cos(state[4]), -np.sin(state[4])])
         parts.append(line(state[0:2] - arm, state[0:2] + arm, PATH, 2))
-    parts += [line(*hoop.rims, HOOP, 3) for hoop in scenario.hoops]
+    parts += [line(hoop.rims[0], hoop.rims[1], HOOP, 3) for hoop in scenario.hoops]
     for point, fill in ((scenario.start, "#fff"), (scenario.goal, INK)):
         x, y = place(np.array(point)).split(",")
         parts.append(f'<circle cx="{x}" cy="{y}" r="4" fill="{fill}" stroke="{INK}" stroke-width="1.5"/>')
