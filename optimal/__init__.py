@@ -1,15 +1,15 @@
 """The optimum: certified time-optimal flights from rest to rest, lower bounds, and the environment's fewest steps.
 
-    flights/         what a trajectory is, and its certificate: limits, replay and hoops, checked without its solver
-    paths/           curves y(s), and corridors between outer paths
-    systems/         differentially flat systems
-    direct/          direct multiple shooting over windings and initial guesses
-    flat/            the flat method, the paper's eqs. (8) and (10)
-    indirect/        Pontryagin's conditions
-    proof/           lower bounds of the flight time: the dual, branch and bound
-    minimum_time.py  `solve`: T*, by one of the three methods
-    discrete/        `fewest_steps`: K*, with held controls and a tolerance at the goal
-    batch.py         many scenarios at once, with store.py (answers on disk) and parallel.py (cores, Ray)
+flights/         what a trajectory is, and its certificate: limits, replay and hoops, checked without its solver
+paths/           curves y(s), and corridors between outer paths
+systems/         differentially flat systems
+direct/          direct multiple shooting over windings and initial guesses
+flat/            the flat method, the paper's eqs. (8) and (10)
+indirect/        Pontryagin's conditions
+proof/           lower bounds of the flight time: the dual, branch and bound
+minimum_time.py  `solve`: T*, by one of the three methods
+discrete/        `fewest_steps`: K*, with held controls and a tolerance at the goal
+batch.py         many scenarios at once, with store.py (answers on disk) and parallel.py (cores, Ray)
 """
 
 from importlib import import_module
