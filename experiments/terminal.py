@@ -136,9 +136,16 @@ def numeric(text: str) -> bool:
     return text == "-" or bool(re.match(r"[+\-≥≤]? ?\d", text))
 
 
-def vertical(row: dict[str, Any]) -> pd.DataFrame:
-    """Return one row as a table of two columns, field and value."""
-    return pd.DataFrame({"field": list(row), "value": [cell(value) for value in row.values()]})
+def show_record(row: dict[str, Any], as_json: bool, title: str) -> None:
+    """Print one row as a JSON list of one object, or as a line for each field."""
+    if as_json:
+        show(pd.DataFrame([row], dtype=object), as_json)
+        return
+    indent = max(map(len, row)) + GAP
+    screen.print(Text(title, style="italic"))
+    for field, value in row.items():
+        lines = wrap(cell(value), max(screen.width - indent, 20), break_long_words=False) or [""]
+        screen.print(Text(f"{field:<{indent}}" + f"\n{' ' * indent}".join(lines)))
 
 
 def cell(value: Any) -> str:

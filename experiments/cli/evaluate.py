@@ -80,7 +80,7 @@ def evaluate(
         show(pd.DataFrame([row]), as_json)
     else:
         head = ["task", "agent", "episodes", "success", "steps", "K*", "gap to K*", "outcomes"]
-        table("Score", head, [score_cells(row)])
+        table("Score", head, [score_cells(row)], optional=("episodes", "K*", "steps"))
     if report is not None:
         messages.print(f"report: {page.resolve()}", soft_wrap=True)
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import pandas as pd
 import typer
 
 from experiments.cli.options import AsJson, ProblemName
-from experiments.terminal import progress_bar, show, vertical
+from experiments.terminal import progress_bar, show_record
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.reference import reference
 
@@ -77,4 +76,4 @@ def train_policy(
         "wall_time_s": round(training.wall_time_s, 1),
         "model": str(training.model),
     }
-    show(pd.DataFrame([row], dtype=object) if as_json else vertical(row), as_json, "Trained")
+    show_record(row, as_json, "Trained")

@@ -8,7 +8,7 @@ import pytest
 from rich.progress import Progress
 
 from experiments.files import SCHEMA
-from experiments.measurements import batches, proofs, solvers
+from experiments.measurements import batches, proofs, sections
 from experiments.measurements.rockit import rockit_solver
 from experiments.measurements.sections import SAME, convergence_order, join, measure, uniform_goal
 from experiments.measurements.solvers import SECTIONS
@@ -19,9 +19,8 @@ from flatgym import SCENARIOS
 def results(tmp_path_factory):
     out = tmp_path_factory.mktemp("solvers") / "solvers.json"
     with joblib.parallel_config(backend="threading"), pytest.MonkeyPatch.context() as patch, Progress() as bar:
-        patch.setattr(solvers, "PROCESSES", 1)
+        patch.setattr(sections, "PROCESSES", 1)
         patch.setattr(batches, "JOBS", 1)
-        patch.setattr(proofs, "PROCESSES", 1)
         measure(SECTIONS, out, smoke=True, command="flatquad measure solvers --quick", bar=bar)
     return json.loads(out.read_text())
 
