@@ -127,17 +127,15 @@ def test_formulas_are_mathml(site):
     assert HOOKS["mathml"]("a &lt; b", block=True) == HOOKS["mathml"]("a < b", block=True)
 
 
-def test_the_search_works_from_the_file_system(site, chromium):
-    from playwright.sync_api import sync_playwright
-
+def test_the_search_works_from_the_file_system(site, browser):
     asked = []
-    with sync_playwright() as playwright:
-        tab = playwright.chromium.launch(executable_path=chromium).new_page()
-        tab.on("request", lambda request: asked.append(request.url))
-        tab.goto((site / "index.html").as_uri())
-        tab.click("[data-md-component=search-query]")
-        tab.keyboard.type("hamiltonian drift")
-        tab.wait_for_selector(".md-search-result__link[href*='optimum.html']", state="attached")
+    tab = browser.new_page()
+    tab.on("request", lambda request: asked.append(request.url))
+    tab.goto((site / "index.html").as_uri())
+    tab.click("[data-md-component=search-query]")
+    tab.keyboard.type("hamiltonian drift")
+    tab.wait_for_selector(".md-search-result__link[href*='optimum.html']", state="attached")
+    tab.close()
     assert [url for url in asked if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
