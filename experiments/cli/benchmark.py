@@ -16,6 +16,7 @@ from flatgym.files import write_text
 
 if TYPE_CHECKING:
     from experiments.benchmark.leaderboard import Leaderboard, LeaderboardRow
+    from experiments.benchmark.suite import Suite
 
 EXAMPLES = (
     "Example: flatquad benchmark; flatquad benchmark --full --only hoop --only random-goal/ppo; "
@@ -57,17 +58,12 @@ def benchmark(
     from experiments.benchmark.leaderboard import Leaderboard, score_table
     from experiments.benchmark.run import run
     from experiments.benchmark.submission import named_policies
-    from experiments.benchmark.suite import SMOKE_SUITE, SUITES
-    from experiments.recipes.run_spec import SMOKE
     from experiments.report.page import write
 
     if full and study:
         raise ValueError("--full and --study are two suites: give one of them")
     name = "full" if full else "study" if study else "quick"
-    suite = replace(SUITES[name], policies=named_policies(policy or (), trust), timeout=timeout)
-    suite = replace(suite, seeds=seeds or suite.seeds)
-    if quick:
-        suite = replace(suite, name=SMOKE_SUITE, budget=SMOKE)
+    suite = adapted_suite(name, named_policies(policy or (), trust), timeout, seeds, quick)
     folder = out / (FILES[name] + ("-quick" if quick else ""))
     with progress_bar() as bar:
         results = run(suite, folder, command=command_line(), bar=bar, only=only or (), jobs=jobs, backend=backend)
@@ -84,6 +80,16 @@ def benchmark(
     messages.print(f"results: {out.resolve()}\nreport: {page.resolve()}", soft_wrap=True)
     if any(cell.get("error") for cell in results["cells"]):
         raise typer.Exit(1)
+
+
+def adapted_suite(name: str, policies: dict[str, str], timeout: float, seeds: int | None, small: bool) -> Suite:
+    """Return a suite by its name, with own policies and their time limit [s], other seeds, or small sizes."""
+    from experiments.benchmark.suite import SMOKE_SUITE, SUITES
+    from experiments.recipes.run_spec import SMOKE
+
+    suite = SUITES[name]
+    suite = replace(suite, policies=policies, timeout=timeout, seeds=seeds or suite.seeds)
+    return replace(suite, name=SMOKE_SUITE, budget=SMOKE) if small else suite
 
 
 def show_leaderboard(leaderboard: Leaderboard, results: Row) -> None:
