@@ -56,16 +56,20 @@ def test_no_flight_is_faster_than_the_bound_and_one_is_hardly_slower(checked):
 
 
 def test_all_printed_times_are_impossible_even_rounded_up(checked):
-    told = checked[checked["printed_s"].notna()]
-    assert len(told) == 7
-    assert told["impossible"].all()
-    assert (told["scenario"].map(PRINTED).map(paper_printed.rounded_up) < told["lower_bound_s"]).all()
+    reported = checked[checked["printed_s"].notna()]
+    assert len(reported) == 7
+    assert reported["impossible"].all()
+    assert (reported["scenario"].map(PRINTED).map(paper_printed.rounded_up) < reported["lower_bound_s"]).all()
 
 
 def test_the_shortfall_leads_from_the_printed_time_to_the_bound(checked):
-    told = checked[checked["printed_s"].notna()]
-    assert (told["printed_s"] + told["shortfall_s"]).tolist() == pytest.approx(told["lower_bound_s"].tolist())
-    assert (told["lower_bound_s"] * (1 - told["shortfall"])).tolist() == pytest.approx(told["printed_s"].tolist())
+    reported = checked[checked["printed_s"].notna()]
+    assert (reported["printed_s"] + reported["shortfall_s"]).tolist() == pytest.approx(
+        reported["lower_bound_s"].tolist()
+    )
+    assert (reported["lower_bound_s"] * (1 - reported["shortfall"])).tolist() == pytest.approx(
+        reported["printed_s"].tolist()
+    )
 
 
 def test_a_case_without_a_printed_time_has_no_verdict(checked):

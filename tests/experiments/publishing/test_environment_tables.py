@@ -31,12 +31,12 @@ def timed(what, num_envs, steps_per_s, ratio, **others):
 
 def test_every_target_is_shown_and_whether_it_is_passed(results):
     rows = [row for section in results["sections"].values() for row in section["rows"] if "target" in row]
-    told = [line[-2:] for line in lines(environments(results)) if line[-1] != "-"]
-    assert sorted(told) == sorted(map(target_cells, rows))
+    reported = [line[-2:] for line in lines(environments(results)) if line[-1] != "-"]
+    assert sorted(reported) == sorted(map(target_cells, rows))
     for row in rows:
         row["passed"] = not row["passed"]
     turned = [line[-1] for line in lines(environments(results)) if line[-1] != "-"]
-    assert turned == [{"yes": "no", "no": "yes"}[word] for _, word in told]
+    assert turned == [{"yes": "no", "no": "yes"}[word] for _, word in reported]
 
 
 def test_each_section_can_stand_alone(results):
@@ -80,10 +80,10 @@ def test_the_slowest_other_scenario_is_the_slowest_of_as_many_vehicles():
         timed("CartPole-v1", 1024, 1e7, 1.0, numba=False),
         timed("hoop", 4096, 5e5, 0.05, numba=False),
     ]
-    told = list(LINES["batched"](rows))
-    assert [line[3] for line in told] == ["2.00", "0.80", "0.90", "0.05"]
-    assert "4,096 x `slalom`" in told[2][0]
-    assert told[0] == [
+    reported = list(LINES["batched"](rows))
+    assert [line[3] for line in reported] == ["2.00", "0.80", "0.90", "0.05"]
+    assert "4,096 x `slalom`" in reported[2][0]
+    assert reported[0] == [
         "batched: 4,096 x `hoop`, against 1,024 x CartPole-v1", "20.00 M/s", "10.00 M/s", "2.00", "≥ 1.5", "yes"
     ]  # fmt: skip
 

@@ -19,7 +19,7 @@ K_STAR = {"hoop": [70, 70, 70, 70], "random-goal": [50, 60, 70, 80]}
 
 
 def cell(problem, agent, seed=0, steps=None, curve=(), **others):
-    """Return a cell as the study writes it; `steps` by condition, all others as calm ones."""
+    """Return a cell as the study writes it; `steps` by condition, all others as nominal ones."""
     steps = steps or {}
     flown = {name: {"steps": steps.get(name, steps.get("nominal", K_STAR[problem]))} for name in CONDITIONS}
     costs = {"env_steps": 0, "expert_labels": 0, "training_s": 0.0, "planning_s": 0.25, "date": "2001-02-03T04"}
