@@ -18,8 +18,9 @@ help:  ## list the targets
 	@echo "PYTHON=python3.13 before or after any of them chooses another Python; CORES=1 limits the tests."
 
 $(INSTALLED): pyproject.toml constraints.txt
+	@$(if $(VERSION),,$(error $(PYTHON) does not run: name a Python of version 3.11 or newer, as in make test PYTHON=python3.13))
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and \
-	"FlatQuad needs Python 3.11 or newer, and $(PYTHON) is $(VERSION): name a newer one, make PYTHON=python3.13 ...")'
+	"FlatQuad needs Python 3.11 or newer, and $(PYTHON) is $(VERSION): name a newer one, as in make test PYTHON=python3.13")'
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[all,dev]'
 	@touch $@
@@ -29,7 +30,7 @@ benchmark: $(INSTALLED)  ## solve, demonstrate, train and score; under 6 minutes
 
 # `suite` notes the exit status instead of failing, so that the reason for a missing browser is the last line.
 test: suite  ## the whole test suite; installs a browser for it where none is found
-	@$(if $(shell cat $(VENV)/no-browser),$(error $(shell cat $(VENV)/no-browser)))exit $$(cat $(VENV)/status)
+	@$(if $(shell cat $(VENV)/no-browser 2>/dev/null),$(error $(shell cat $(VENV)/no-browser)))exit $$(cat $(VENV)/status)
 
 suite: $(INSTALLED)
 	@$(BIN)/python tests/browser.py $(VENV)/no-browser || true

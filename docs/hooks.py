@@ -36,6 +36,10 @@ LINKS = (
 """Links that work in the repository, and where they point to in the site."""
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
+CELL = re.compile(r"<td[^>]*>[^<]*</td>")
+SPACE = re.compile(r"(?<=\d) (?=[%kM]|MB\b|s\b)|(?<=\d,) (?=[\d.]+\])")
+"""A space between a number and its unit, and the one inside an interval."""
+
 
 def folders(package: str) -> list[str]:
     """Return the dotted names of a package and its sub-packages."""
@@ -122,8 +126,9 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 
 def on_page_content(content: str, **_: Any) -> str:
-    """Replace formulas in TeX by MathML, which browsers show without a script."""
-    return FORMULA.sub(lambda found: mathml(found[2], block=found[1] == "div"), content)
+    """Replace formulas in TeX by MathML, which browsers show without a script, and glue numbers in tables."""
+    content = FORMULA.sub(lambda found: mathml(found[2], block=found[1] == "div"), content)
+    return CELL.sub(lambda found: SPACE.sub("\N{NO-BREAK SPACE}", found[0]), content)
 
 
 def mathml(tex: str, *, block: bool) -> str:

@@ -1,7 +1,7 @@
-"""Plots a person would want to look at: paths with the vehicle drawn on them, controls, learning.
+"""Figures of flights and of training: paths with the vehicle on them, controls, learning curves.
 
-Paths show the quadrotor in equal time steps, as the paper's Figs. 3-5; controls are drawn as in
-its Fig. 6; a learning curve is drawn against K*, the line no agent can cross.
+Paths show the quadrotor in equal time steps, as the paper's Figs. 3-5. Controls are drawn as in its Fig. 6. A learning
+curve is drawn against K*, its lower limit.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ ARM = 0.18
 FINE = 0.002
 """Time between the drawn points of a flight [s]."""
 THRUST_LENGTH = 0.02
-"""Length of the drawn thrust for each unit of it [m / (m/s^2)]."""
+"""Length of the drawn thrust per unit of thrust [m / (m/s^2)]."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """A flight to draw: its name, times (n,), states (n, 5) and the controls held after each time (n, 2)."""
+    """A flight to draw: its name, times (n,) [s], states (n, 5), and the controls held from each time on (n, 2)."""
 
     name: str
     time: Array
@@ -44,14 +44,14 @@ class Track:
 
 
 def optimal_track(solution: Solution) -> Track:
-    """Return the certified flight of a solution, finely sampled, to draw."""
+    """Return the certified flight of a solution as a track, sampled every FINE seconds."""
     assert solution.trajectory is not None
     samples = solution.trajectory.sample(FINE)
     return Track(f"optimum, T* = {solution.time:.4f} s", samples.time, samples.state, samples.control)
 
 
-def flown_track(scenario: Scenario, actions: NDArray[np.float32], name: str) -> Track:
-    """Return the flight of actions (K, 2), flown again, to draw."""
+def replayed_track(scenario: Scenario, actions: NDArray[np.float32], name: str) -> Track:
+    """Return the flight of actions (K, 2), replayed in the task, as a track."""
     situations = fly_actions(scenario, actions)
     states = np.array([situation.state[0] for situation in situations])
     controls = scenario.quadrotor.control(np.append(actions, actions[-1:], axis=0))
@@ -61,7 +61,7 @@ def flown_track(scenario: Scenario, actions: NDArray[np.float32], name: str) -> 
 
 
 def layout(figure: go.Figure, title: str) -> go.Figure:
-    """Return the figure in the house style."""
+    """Return the figure with the common title, fonts and margins."""
     figure.update_layout(
         title={"text": title, "font": {"size": 17}},
         template="plotly_white",
@@ -74,9 +74,9 @@ def layout(figure: go.Figure, title: str) -> go.Figure:
 
 
 def vehicle(state: Array) -> Array:
-    """Return the outline of the quadrotor as one broken line, an arm with two rotors, shape (n, 2).
+    """Return the outline of the quadrotor, an arm with two rotors, as points of a line, shape (n, 2) [m].
 
-    Coordinates are [m]; a NaN row lifts the pen.
+    A row of NaN interrupts the line.
     """
     along = np.array([np.cos(state[4]), -np.sin(state[4])])
     up = np.array([np.sin(state[4]), np.cos(state[4])])
@@ -90,7 +90,7 @@ def vehicle(state: Array) -> Array:
 
 
 def thrust_line(state: Array, thrust: float) -> Array:
-    """Return the line along which the thrust pushes, of a length in proportion to it, shape (3, 2) [m]."""
+    """Return a line in the direction of the thrust, of a length proportional to it, shape (3, 2) [m]."""
     up = np.array([np.sin(state[4]), np.cos(state[4])])
     return np.array([state[0:2], state[0:2] + THRUST_LENGTH * thrust * up, np.full(2, np.nan)])
 
@@ -98,10 +98,10 @@ def thrust_line(state: Array, thrust: float) -> Array:
 def paths(
     scenario: Scenario | Sequence[Scenario], tracks: Sequence[Track], title: str, vehicles: int = 14
 ) -> go.Figure:
-    """Return the paths of flights through a scenario, or each through its own, with the vehicle drawn on them.
+    """Return the paths of flights through one scenario, or each through its own, with the vehicle on them.
 
-    Each flight has a panel of its own, side by side where they are tall and stacked where they are wide,
-    and on it `vehicles` quadrotors in equal time steps.
+    Each flight has its own panel with `vehicles` quadrotors in equal time steps. Tall panels are side by side, wide
+    ones are stacked.
     """
     scenarios = [scenario] * len(tracks) if isinstance(scenario, Scenario) else scenario
     points = np.concatenate([track.state[:, 0:2] for track in tracks])
@@ -194,7 +194,7 @@ def controls(quadrotor: Quadrotor, tracks: Sequence[Track], title: str) -> go.Fi
                 row=row,
                 col=1,
             )
-        # After the traces: Plotly draws no line into a panel that is still empty.
+        # After the traces, because Plotly draws no line into an empty panel.
         low, high = limits[:, row - 1]
         for limit in (low, high):
             figure.add_hline(y=limit, line={"color": OUTLINE, "width": 1, "dash": "dot"}, row=row, col=1)
@@ -205,9 +205,9 @@ def controls(quadrotor: Quadrotor, tracks: Sequence[Track], title: str) -> go.Fi
 
 
 def learning(curve: Sequence[Mapping[str, Any]], k_star: float, title: str) -> go.Figure:
-    """Return the steps of the deterministic flight over training, against K*.
+    """Return the steps of the deterministic episode over the training, against K*.
 
-    Flights that did not reach the goal stand as crosses at the length of the longest that did.
+    Episodes that do not reach the goal are crosses at the height of the longest successful one.
     """
     env_steps = np.array([point["env_steps"] for point in curve], dtype=float)
     success = np.array([point["outcome"] == "goal" for point in curve])
@@ -225,7 +225,7 @@ def learning(curve: Sequence[Mapping[str, Any]], k_star: float, title: str) -> g
         x=env_steps[success],
         y=steps[success],
         mode="lines+markers",
-        name="deterministic flight",
+        name="deterministic episode",
         line={"color": COLOURS[0], "width": 1.8},
         marker={"size": 5},
     )
@@ -240,8 +240,8 @@ def learning(curve: Sequence[Mapping[str, Any]], k_star: float, title: str) -> g
     return layout(figure, title)
 
 
-def write(figure: go.Figure, path: Path | str) -> None:
-    """Write a figure as a page of its own; plotly.min.js is put beside it once."""
+def write_page(figure: go.Figure, path: Path | str) -> None:
+    """Write a figure as an HTML page; all figures of a folder share one plotly.min.js."""
     path = Path(path)
     script = path.with_name("plotly.min.js")
     if not script.exists():

@@ -34,21 +34,38 @@ def write_json(path: Path, data: Any) -> None:
 
 
 def read_json(path: Path) -> Row | None:
-    """Return the content of a results file, or None if it is missing, damaged or of another schema.
+    """Return the content of a results file, or None if there is none that can be read.
 
-    A file that cannot be read is moved aside under another name, which standard error states.
+    A file that cannot be read is moved aside under another name, which standard error states. The caller recomputes it.
     """
     if not path.exists():
         return None
     try:
+        return load_json(path)
+    except ValueError as error:
+        print(f"{error}; moved aside to {move_aside(path).name}", file=sys.stderr)
+        return None
+
+
+def load_json(path: Path) -> Row:
+    """Return the content of a results file.
+
+    Raises:
+        ValueError: if it is damaged or of another schema.
+        OSError: if there is no such file.
+    """
+    try:
         data = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(data, dict) and data.get("schema") == SCHEMA:
-            return data
-        reason = other_schema(data) if isinstance(data, dict) else "is not a JSON object"
-    except (ValueError, OSError) as error:
-        reason = f"is damaged ({error})"
-    print(f"{path} {reason}; moved aside to {move_aside(path).name}", file=sys.stderr)
-    return None
+    except ValueError as error:
+        raise ValueError(f"{path} is damaged ({error})") from None
+    if not isinstance(data, dict):
+        raise ValueError(f"{path} is damaged (not a JSON object)")
+    if data.get("schema") != SCHEMA:
+        command = str(data.get("command", ""))
+        again = f", `{command}`" if command.startswith("flatquad ") else ""
+        version = f"has schema {data.get('schema')!r}, this version reads {SCHEMA}"
+        raise ValueError(f"{path} {version}: run the command again{again}")
+    return data
 
 
 def move_aside(path: Path) -> Path:
@@ -59,23 +76,8 @@ def move_aside(path: Path) -> Path:
 
 
 def published(name: str) -> Any:
-    """Return the content of a published results file.
-
-    Raises:
-        ValueError: if the file has another schema.
-    """
-    path = PUBLISHED / name
-    results = json.loads(path.read_text(encoding="utf-8"))
-    if results.get("schema") != SCHEMA:
-        raise ValueError(f"{path} {other_schema(results)}")
-    return results
-
-
-def other_schema(data: Row) -> str:
-    """Return what is wrong with a file of another schema, and how to replace it."""
-    command = str(data.get("command", ""))
-    again = f", `{command}`" if command.startswith("flatquad ") else ""
-    return f"has schema {data.get('schema')!r}, this version reads {SCHEMA}: run the command again{again}"
+    """Return the content of a published results file; errors as in `load_json`."""
+    return load_json(PUBLISHED / name)
 
 
 def plain(data: Any) -> Any:

@@ -85,7 +85,7 @@ def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], option
     if widths is None:
         blocks(head, rows)
         return
-    wrapped = [["\n".join(wrap(text, width)) for text, width in zip(row, widths, strict=True)] for row in glued]
+    wrapped = [["\n".join(lines_of(text, width)) for text, width in zip(row, widths, strict=True)] for row in glued]
     grid = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, GAP - 1, 0, 0))
     for heading, column in zip(wrapped[0], zip(*rows, strict=True), strict=True):
         justify = "right" if 2 * sum(map(numeric, column)) > len(column) else "left"
@@ -107,8 +107,13 @@ def blocks(head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 def paragraph(text: str) -> None:
     """Print a paragraph below a table."""
-    screen.print(Text("\n".join(wrap(glue(text), min(screen.width, 100))).replace(NO_BREAK, " ")))
+    screen.print(Text("\n".join(lines_of(glue(text), min(screen.width, 100))).replace(NO_BREAK, " ")))
     screen.print()
+
+
+def lines_of(text: str, width: int) -> list[str]:
+    """Return a text in lines of at most `width`, broken between words only."""
+    return wrap(text, width, break_on_hyphens=False, break_long_words=False)
 
 
 def glue(text: str) -> str:
@@ -136,9 +141,16 @@ def numeric(text: str) -> bool:
     return text == "-" or bool(re.match(r"[+\-≥≤]? ?\d", text))
 
 
-def vertical(row: dict[str, Any]) -> pd.DataFrame:
-    """Return one row as a table of two columns, field and value."""
-    return pd.DataFrame({"field": list(row), "value": [cell(value) for value in row.values()]})
+def show_record(row: dict[str, Any], as_json: bool, title: str) -> None:
+    """Print one row as a JSON list of one object, or as a line for each field."""
+    if as_json:
+        show(pd.DataFrame([row], dtype=object), as_json)
+        return
+    indent = max(map(len, row)) + GAP
+    screen.print(Text(title, style="italic"))
+    for field, value in row.items():
+        lines = lines_of(cell(value), max(screen.width - indent, 20)) or [""]
+        screen.print(Text(f"{field:<{indent}}" + f"\n{' ' * indent}".join(lines)))
 
 
 def cell(value: Any) -> str:

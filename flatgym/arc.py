@@ -116,10 +116,9 @@ class Arc:
         return derivative
 
     def inflections(self, direction: Array) -> Array:
-        """Return when p'' . direction vanishes within the step, else its end [s], shape (n, 2).
+        """Return the two times at which p'' . direction is zero; dt where there is none [s], shape (n, 2).
 
-        Each of the two tilts at which it does is met at most once, as no step makes a whole turn
-        (`Scenario` sees to that).
+        Each of the two tilts occurs at most once, because a scenario's dt excludes a whole turn within a step.
         """
         (thrust, rate), theta = self.control.T, self.state[:, 4]
         ratio = -np.sum(self.pull * direction, axis=-1) / np.maximum(thrust, 1e-300)

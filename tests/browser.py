@@ -35,7 +35,7 @@ MANAGERS = {
 """Package managers that need root, and what installs a Chromium with each."""
 MISSING = (
     "No browser was found and none could be installed: install Chromium or Chrome, "
-    f"or set {VARIABLE}=/path/to/chromium, and run again."
+    f"or set {VARIABLE}=/path/to/chromium, and run again"
 )
 START_LIMIT, DOWNLOAD_LIMIT, PACKAGES_LIMIT = 30.0, 180.0, 600.0
 """Longest time for a browser to print its version, for a download, and for a package manager [s]."""

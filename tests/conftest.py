@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flatgym import Quadrotor
-from tests import browser
+from tests.browser import MISSING, find
 
 
 @pytest.fixture
@@ -23,7 +23,18 @@ def quadrotor() -> Quadrotor:
 def chromium() -> str:
     """The path of a Chromium; a test without one fails and says how to get it."""
     try:
-        path = browser.find()
+        path = find()
     except ValueError as error:
         pytest.fail(str(error))
-    return path or pytest.fail(browser.MISSING)
+    return path or pytest.fail(MISSING)
+
+
+@pytest.fixture(scope="session")
+def browser(chromium):
+    """One browser for all tests: Playwright's synchronous interface can be started only once in a process."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=chromium)
+        yield running
+        running.close()

@@ -41,7 +41,8 @@ def playwright(machine, script="exit 1"):
     )
 
 
-def test_a_bare_machine_has_none(machine):
+@pytest.mark.usefixtures("machine")
+def test_a_bare_machine_has_none():
     assert browser.find() is None
     assert browser.install() is None
 

@@ -86,7 +86,7 @@ def lqr_oracle(
         while True:
             point, off, distance = controllers.nearest(which, episodes.state, point)
             missed |= episodes.hoops_passed < due[which, np.maximum(point - HOOP_LAG, 0)]
-            lost = (missed & (episodes.hoops_passed < scene.hoop_count)) | (distance >= LOST_DISTANCE)
+            lost = _lost(scene, episodes, missed, distance)
             flying &= (episodes.outcome == FLYING) & ~(lost & (fallback is None))
             if not flying.any():
                 break
@@ -116,6 +116,11 @@ def _start(scene: Scene, states: Array, noise: float, generator: np.random.Gener
     states[1:] += noise * START_STD * generator.normal(size=(len(states) - 1, 5))
     states[:, 1] = np.clip(states[:, 1], scene.floor, scene.ceiling)
     return EpisodeState(states, zero, zero, zero)
+
+
+def _lost(scene: Scene, episodes: EpisodeState, missed: NDArray[np.bool_], distance: Array) -> NDArray[np.bool_]:
+    """Return which episodes are lost, shape (n,): before the last hoop after a miss, or too far from the flight."""
+    return (missed & (episodes.hoops_passed < scene.hoop_count)) | (distance >= LOST_DISTANCE)
 
 
 def _redundant(

@@ -65,7 +65,7 @@ def merge(first: Row, *others: Row) -> Row:
     return first | {"k_star": k_star, "validation_k_star": validation_k_star, "cells": list(cells.values())}
 
 
-def only(problem: str, results: Row) -> Row:
+def select_problem(problem: str, results: Row) -> Row:
     """Return the part of results that is about one problem."""
     cells = [cell for cell in results["cells"] if cell["problem"] == problem]
     shared = {

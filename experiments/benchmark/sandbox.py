@@ -47,7 +47,9 @@ def run_isolated(function: str, *arguments: Any, seconds: float, home: Path | No
     Thread(target=_read, args=(process.stdout, lines), daemon=True).start()
     try:
         answer = lines.get(timeout=IMPORT_TIMEOUT) and lines.get(timeout=seconds)
-    except Empty:
+        if not answer:
+            process.wait(seconds)  # for its own exit code
+    except (Empty, subprocess.TimeoutExpired):
         raise Failed(f"no answer within {seconds:g} s; --timeout grants more") from None
     finally:
         process.kill()

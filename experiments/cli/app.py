@@ -6,6 +6,7 @@ Exit status: 0 done, 1 failed (such as no certified flight), 2 bad arguments.
 from __future__ import annotations
 
 import sys
+import warnings
 
 import typer
 from rich.text import Text
@@ -59,6 +60,8 @@ app.add_typer(measure.app, name="measure", epilog=measure.EXAMPLES)
 
 def main() -> None:
     """Run the command; an error becomes a sentence on standard error and an exit status."""
+    # joblib warns when it replaces a worker whose memory has grown. The batch continues, so there is nothing to do.
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
     try:
         app()
     except ValueError as error:

@@ -16,6 +16,7 @@ from flatgym.files import write_text
 
 if TYPE_CHECKING:
     from experiments.benchmark.leaderboard import Leaderboard, LeaderboardRow
+    from experiments.benchmark.suite import Suite
 
 EXAMPLES = (
     "Example: flatquad benchmark; flatquad benchmark --full --only hoop --only random-goal/ppo; "
@@ -57,17 +58,12 @@ def benchmark(
     from experiments.benchmark.leaderboard import Leaderboard, score_table
     from experiments.benchmark.run import run
     from experiments.benchmark.submission import named_policies
-    from experiments.benchmark.suite import SMOKE_SUITE, SUITES
-    from experiments.recipes.run_spec import SMOKE
     from experiments.report.page import write
 
     if full and study:
         raise ValueError("--full and --study are two suites: give one of them")
     name = "full" if full else "study" if study else "quick"
-    suite = replace(SUITES[name], policies=named_policies(policy or (), trust), timeout=timeout)
-    suite = replace(suite, seeds=seeds or suite.seeds)
-    if quick:
-        suite = replace(suite, name=SMOKE_SUITE, budget=SMOKE)
+    suite = adapted_suite(name, named_policies(policy or (), trust), timeout, seeds, quick)
     folder = out / (FILES[name] + ("-quick" if quick else ""))
     with progress_bar() as bar:
         results = run(suite, folder, command=command_line(), bar=bar, only=only or (), jobs=jobs, backend=backend)
@@ -86,10 +82,21 @@ def benchmark(
         raise typer.Exit(1)
 
 
+def adapted_suite(name: str, policies: dict[str, str], timeout: float, seeds: int | None, small: bool) -> Suite:
+    """Return a suite by its name, with own policies and their time limit [s], other seeds, or small sizes."""
+    from experiments.benchmark.suite import SMOKE_SUITE, SUITES
+    from experiments.recipes.run_spec import SMOKE
+
+    suite = SUITES[name]
+    suite = replace(suite, policies=policies, timeout=timeout, seeds=seeds or suite.seeds)
+    return replace(suite, name=SMOKE_SUITE, budget=SMOKE) if small else suite
+
+
 def show_leaderboard(leaderboard: Leaderboard, results: Row) -> None:
     """Print the nominal scores of all agents, then the errors of those that failed."""
     from experiments.benchmark.conditions import COMBINED, NOMINAL
     from experiments.benchmark.formats import describe_disturbances
+    from experiments.provenance import SMALL_SIZES
 
     combined = {
         (score.problem, score.agent): score.success for score in leaderboard.scores if score.condition == COMBINED
@@ -102,9 +109,10 @@ def show_leaderboard(leaderboard: Leaderboard, results: Row) -> None:
         [leaderboard_cells(row, combined.get((row.problem, row.agent))) for row in leaderboard.rows],
         optional=("training time [s]", "disturbed"),
     )
+    small = f" {SMALL_SIZES}" if results["smoke"] else ""
     paragraph(
         f"Success and gap are for {NOMINAL} episodes, with 95 % bootstrap intervals where they vary; the gap is "
-        f"K / K* - 1 of successful episodes. Disturbed: success with {describe_disturbances(disturbances)}."
+        f"K / K* - 1 of successful episodes. Disturbed: success with {describe_disturbances(disturbances)}.{small}"
     )
     for row in leaderboard.rows:
         for error in row.errors:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import pandas as pd
 import typer
+from rich.progress import Progress
 
 from experiments.cli.options import AsJson, Backend, Jobs, ProblemName
 from experiments.terminal import messages, progress_bar, show
+
+if TYPE_CHECKING:
+    from agents.demonstrations import Demonstration
 
 EXAMPLES = "Example: flatquad demos hoop -n 8; flatquad demos random-goal -n 1000 --export goals.csv"
 
@@ -50,16 +54,8 @@ def demos(
     if export is not None:
         check_export(export)
     with progress_bar() as bar:
-        work = bar.add_task(f"demonstrations of {scenario}", total=number * (1 + perturbed), note="")
-        stored: list[int] = []  # number of flights of an interrupted run
-
-        def progress(done: int, of: int) -> None:
-            if not stored:
-                stored.append(done - 1)
-            rate = (done - stored[0]) / (time.perf_counter() - begun)
-            bar.update(work, completed=done, total=of, note=f"{rate:.1f} flights/s")
-
-        flights = demonstrations.plan(
+        flights = plan_with_rate(
+            bar,
             scenario,
             number,
             seed,
@@ -68,8 +64,6 @@ def demos(
             time_budget=proof_time,
             jobs=jobs,
             backend=backend,
-            store=demonstrations.flights_folder(),
-            progress=progress,
         )
         writing = bar.add_task(f"recording {name}", total=len(flights), note="")
         dataset = demonstrations.record(
@@ -86,3 +80,26 @@ def demos(
         messages.print(f"table: {demonstrations.export(dataset, export)}", soft_wrap=True)
     titles = {"dataset": "dataset", "episodes": "episodes", "steps": "steps", "proven": "K* proven"}
     show(pd.DataFrame([row]), as_json, "Recorded", titles | {"wall_time_s": "wall time [s]"})
+
+
+def plan_with_rate(bar: Progress, scenario: str, number: int, seed: int, **options: Any) -> list[Demonstration]:
+    """Plan the flights of a dataset; the bar shows how many are found per second.
+
+    Args:
+        bar: where to show the progress.
+        scenario, number, seed, options: as in `agents.demonstrations.plan`.
+    """
+    from agents import demonstrations
+
+    begun = time.perf_counter()
+    work = bar.add_task(f"demonstrations of {scenario}", total=number * (1 + options["perturbed"]), note="")
+    stored: list[int] = []  # number of flights of an interrupted run
+
+    def progress(done: int, of: int) -> None:
+        if not stored:
+            stored.append(done - 1)
+        rate = (done - stored[0]) / (time.perf_counter() - begun)
+        bar.update(work, completed=done, total=of, note=f"{rate:.1f} flights/s")
+
+    folder = demonstrations.flights_folder()
+    return demonstrations.plan(scenario, number, seed, store=folder, progress=progress, **options)

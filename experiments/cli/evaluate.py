@@ -80,7 +80,7 @@ def evaluate(
         show(pd.DataFrame([row]), as_json)
     else:
         head = ["task", "agent", "episodes", "success", "steps", "K*", "gap to K*", "outcomes"]
-        table("Score", head, [score_cells(row)])
+        table("Score", head, [score_cells(row)], optional=("episodes", "K*", "steps"))
     if report is not None:
         messages.print(f"report: {page.resolve()}", soft_wrap=True)
 
@@ -108,7 +108,7 @@ def write_page(submission: Submission, path: Path, *, command: str, timeout: flo
         timeout: as in `score`.
         bar: shows the progress.
     """
-    from experiments.benchmark.results import merge, only
+    from experiments.benchmark.results import merge, select_problem
     from experiments.benchmark.run import run
     from experiments.benchmark.suite import Suite, can_fly
     from experiments.files import published
@@ -123,5 +123,5 @@ def write_page(submission: Submission, path: Path, *, command: str, timeout: flo
         timeout=timeout,
     )
     results = run(suite, path.with_suffix(""), command=command, bar=bar)
-    known = only(problem, published("learners.json"))
+    known = select_problem(problem, published("learners.json"))
     return write(path, merge(results, known), published("paper.json"))

@@ -32,7 +32,7 @@ def paper(
         write_json(out, provenance(command_line()) | record)
         pages = figures.pages(record["verdicts"])
         work = bar.add_task("the paper's figures", total=len(pages), note="")
-        figures.write(pages, out.parent, progress=lambda: bar.advance(work))
+        figures.write_pages(pages, out.parent, progress=lambda: bar.advance(work))
     messages.print(f"results and figures: {out.parent.resolve()}", soft_wrap=True)
     if as_json:
         typer.echo(json.dumps(record, indent=1))

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from experiments.cli.options import AsJson
-from experiments.files import USER_RESULTS, published, read_json
+from experiments.files import USER_RESULTS, Row, load_json, published
 from experiments.terminal import messages, progress_bar
 
 EXAMPLES = "Example: flatquad report --out page.html"
@@ -29,16 +29,24 @@ def report(
 
     if results is not None and not results.exists():
         raise ValueError(f"there is no {results}; `flatquad benchmark` writes one")
-    own = USER_RESULTS.glob("benchmark*.json")
-    candidates = [results] if results else sorted(own, key=lambda path: -path.stat().st_mtime)
-    found = [data for path in candidates[:1] if (data := read_json(path)) is not None]
-    if results is not None and not found:
-        raise ValueError(f"{results} holds no results that can be read")
+    if results is not None:
+        shown = load_json(results)
+    else:
+        shown = merge(*newest_results(), published("benchmark.json"), published("learners.json"))
     with progress_bar() as bar:
         bar.add_task("report", total=None, note="")
-        shown = merge(*found, *(() if results else (published("benchmark.json"), published("learners.json"))))
         page = write(out, shown, published("paper.json"))
     if as_json:
         typer.echo(json.dumps({"report": str(page.resolve()), "bytes": page.stat().st_size}))
     else:
         messages.print(f"report: {page.resolve()}", soft_wrap=True)
+
+
+def newest_results() -> list[Row]:
+    """Return the newest results of a benchmark in USER_RESULTS, in a list; an empty one if none can be read."""
+    paths = sorted(USER_RESULTS.glob("benchmark*.json"), key=lambda path: path.stat().st_mtime)
+    try:
+        return [load_json(path) for path in paths[-1:]]
+    except ValueError as error:
+        messages.print(f"not in the report: {error}", markup=False, soft_wrap=True)
+        return []

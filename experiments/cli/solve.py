@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import pandas as pd
 import typer
 
 import optimal
 from experiments.cli.options import AsJson, ScenarioName
-from experiments.terminal import messages, progress_bar, show, vertical
+from experiments.terminal import messages, progress_bar, show_record
 
 EXAMPLES = "Example: flatquad solve hoop --out hoop.csv; flatquad solve horizontal-6 --method flat"
 
@@ -41,4 +40,4 @@ def solve(
     if out is not None:
         assert solution.trajectory is not None
         messages.print(f"flight: {optimal.save(solution.trajectory.sample(dt), out)}", soft_wrap=True)
-    show(pd.DataFrame([row]) if as_json else vertical(row), as_json, solution.status.value)
+    show_record(row, as_json, solution.status.value)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import pandas as pd
 import typer
 
 from experiments.cli.options import AsJson, ProblemName
-from experiments.terminal import progress_bar, show, vertical
+from experiments.terminal import progress_bar, show_record
 from flatgym.scenarios import catalogue
-from flatgym.scenarios.reference import reference
+from flatgym.scenarios.reference import Reference, reference
+
+if TYPE_CHECKING:
+    from agents.training.configs import Config
+    from agents.training.train import Training
 
 EXAMPLES = "Example: flatquad train hoop --seed 1 --folder runs/hoop-1; flatquad train random-goal --algorithm sac"
 
@@ -64,11 +67,16 @@ def train_policy(
             bar.update(work, completed=min(100, round(100 * share)), note=note)
 
         training = train(config, known.k_star if known else None, resume, watch)
+    show_record(training_row(training, config, known), as_json, "Trained")
+
+
+def training_row(training: Training, config: Config, known: Reference | None) -> dict[str, Any]:
+    """Return what a training reached, by column; its gap is None without a known K* or a success."""
     best = training.best
-    row = {
-        "scenario": scenario,
+    return {
+        "scenario": config.scenario,
         "algorithm": config.algorithm,
-        "seed": seed,
+        "seed": config.seed,
         "success_rate": best["success_rate"] if best else 0.0,
         "steps": best["steps"] if best else None,
         "k_star": known.k_star if known else None,
@@ -77,4 +85,3 @@ def train_policy(
         "wall_time_s": round(training.wall_time_s, 1),
         "model": str(training.model),
     }
-    show(pd.DataFrame([row], dtype=object) if as_json else vertical(row), as_json, "Trained")

@@ -1,4 +1,4 @@
-"""Measurements of the proofs: validity and gap of the lower bounds, proofs of K*, wall times.
+"""Measurements of the lower bounds: gap, validity and wall time.
 
 Each function with a parameter `advance` is a section of `experiments.measurements.solvers`.
 """
@@ -7,42 +7,26 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields, replace
-from typing import Any
+from dataclasses import replace
 
-import gymnasium as gym
-import joblib
 import numpy as np
 
 import optimal
 from experiments.files import Row
-from experiments.measurements.sections import Advance, uniform_goal
+from experiments.measurements.sections import Advance, in_parallel, uniform_goal
 from flatgym import SCENARIOS, Quadrotor, Scenario
-from flatgym.envs.vector import FlatQuadVectorEnv
-from optimal import Certificate, FewestSteps, Trajectory, certify, prove
+from optimal import prove
 from optimal.proof.lower_bound import Proof
 
-PROCESSES = 2
 LIMITS = {
     "the paper's": Quadrotor(),
     "strong and slow to turn": Quadrotor(thrust_min=0.5, thrust_max=30.0, rate_max=5.0),
     "weak and quick to turn": Quadrotor(thrust_min=3.0, thrust_max=14.0, rate_max=20.0),
 }
-VALIDATED, GOALS, STEPPED = 300, 100, 200
-"""Uniform goals: of each vehicle in `validity`, in `goal_bounds`, and in `goal_steps`."""
+VALIDATED, GOALS = 300, 100
+"""Uniform goals: of each vehicle in `validity`, and in `goal_bounds`."""
 CLOSE, BUDGET, LONG_BUDGET = 2e-4, 60.0, 600.0
 """Requested gap, time budget with at most one hoop [s], and time budget with more hoops [s]."""
-
-
-def in_parallel(ask: Callable[..., Row], tasks: Iterable[Sequence[Any]], advance: Advance) -> list[Row]:
-    """Return `ask(*task)` of all tasks, in their order."""
-    calls = [joblib.delayed(ask)(*task) for task in tasks]
-    rows: list[Row] = []
-    for row in joblib.Parallel(n_jobs=PROCESSES, return_as="generator")(calls):
-        rows.append(row)
-        advance(len(rows), len(calls))
-    return rows
 
 
 def proof_row(proof: Proof) -> Row:
@@ -139,136 +123,6 @@ def bound_and_flight(limits: str, goal: Scenario) -> Row:
         "gap": flown / proof.time - 1,
         "checked": proof.check(),
     }
-
-
-def steps(quick: bool, advance: Advance) -> list[Row]:
-    """Is K* of each named scenario proven, and does its flight replay in both environments?"""
-    names = ["horizontal-3"] if quick else list(SCENARIOS)
-    rows = []
-    for i, name in enumerate(names):
-        begun = time.perf_counter()
-        many = len(SCENARIOS[name].hoops) > 1
-        answer = optimal.fewest_steps(name, time_budget=LONG_BUDGET / 2 if many else BUDGET)
-        row = steps_row(answer) | {"wall_time_s": time.perf_counter() - begun}
-        rows.append(row | {"replays_scalar": replays(answer), "replays_batched": replays_batched(answer)})
-        advance(i + 1, len(names))
-    return rows
-
-
-def steps_row(answer: FewestSteps) -> Row:
-    """Return the answer of `fewest_steps` as a row."""
-    return {
-        "scenario": answer.scenario.name,
-        "k_star": answer.steps,
-        "lower_bound": answer.lower_bound,
-        "gap_steps": answer.steps - answer.lower_bound,
-        "proven": answer.proven,
-        "winding": answer.winding,
-        "tolerance_used": answer.tolerance_used,
-        "status": answer.status.value,
-        "reason": answer.reason,
-    }
-
-
-def replays(answer: FewestSteps) -> bool:
-    """Return whether the actions end in the goal at exactly the last step of `gym.make`'s environment."""
-    env = gym.make("FlatQuad-v0", scenario=answer.scenario)
-    env.reset(seed=0)
-    ends = []
-    for action in answer.actions:
-        *_, terminated, truncated, info = env.step(action)
-        ends.append(terminated or truncated)
-    return ends == [False] * (len(ends) - 1) + [True] and info["is_success"]
-
-
-def replays_batched(answer: FewestSteps) -> bool:
-    """Return the same for two copies in the batched environment."""
-    envs = FlatQuadVectorEnv(2, scenario=answer.scenario)
-    envs.reset(seed=0)
-    ends = []
-    for action in answer.actions:
-        _, _, terminated, truncated, info = envs.step(np.stack([action, action]))
-        ends.append(terminated | truncated)
-    return not np.any(ends[:-1]) and bool(np.all(ends[-1])) and bool(np.all(info["is_success"]))
-
-
-def goal_steps(quick: bool, advance: Advance) -> list[Row]:
-    """Of how many uniform goals is K* proven, and how many steps are open for the others? The last row is a total."""
-    generator = np.random.default_rng(11)
-    tasks = [(uniform_goal(generator, i),) for i in range(2 if quick else STEPPED)]
-    rows = in_parallel(goal_step, tasks, advance)
-    gaps = [row["gap_steps"] for row in rows]
-    total = {"goals": len(rows), "proven": sum(row["proven"] for row in rows), "gap_steps_worst": max(gaps)}
-    return [
-        *rows,
-        {"scenario": "all", **total, "wall_time_median_s": statistics.median(r["wall_time_s"] for r in rows)},
-    ]
-
-
-def goal_step(goal: Scenario) -> Row:
-    """Return the row of one goal."""
-    begun = time.perf_counter()
-    answer = optimal.fewest_steps(goal, time_budget=20.0)
-    row = steps_row(answer) | {"goal_m": list(goal.goal), "wall_time_s": time.perf_counter() - begun}
-    return row | {"replays_scalar": replays(answer)}
-
-
-def broken(_: bool, advance: Advance) -> list[Row]:
-    """Does each kind of broken flight violate its own field of the certificate, and only the true one pass?"""
-    names = ("true", *BREAKS)
-    rows = []
-    for i, name in enumerate(names):
-        scenario = SCENARIOS["hoop"] if name == "hoop_clearance" else SCENARIOS["ground-6"]
-        flight = optimal.solve(scenario, max_gap=None).trajectory
-        assert isinstance(flight, Trajectory)
-        certificate = certify(*BREAKS[name](flight, scenario)) if name != "true" else certify(flight, scenario)
-        values = {field.name: getattr(certificate, field.name) for field in fields(Certificate)}
-        rows.append(
-            {"broken": name, "scenario": scenario.name, "field": values.get(name), "holds": certificate.holds()}
-        )
-        advance(i + 1, len(names))
-    return rows
-
-
-def _weaker_vehicle(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
-    weaker = replace(scenario.quadrotor, thrust_max=scenario.quadrotor.thrust_max * (1 - 1e-8))
-    return flight, replace(scenario, quadrotor=weaker)
-
-
-def _lower_ceiling(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
-    top = float(flight.state(np.linspace(0, flight.duration, 4001))[:, 1].max())
-    return flight, replace(scenario, ceiling=top - 1e-6)
-
-
-def _moved_state(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
-    states = flight.states.copy()
-    states[len(states) // 2, 0] += 1e-5
-    return replace(flight, states=states), scenario
-
-
-def _faster_motion(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
-    return replace(flight, breakpoints=flight.breakpoints * 0.8), scenario
-
-
-def _moved_goal(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
-    return flight, replace(scenario, goal=(scenario.goal[0] + 1e-5, scenario.goal[1]))
-
-
-def _narrower_hoop(flight: Trajectory, scenario: Scenario) -> tuple[Trajectory, Scenario]:
-    hoop = scenario.hoops[0]
-    aside = float(certify(flight, scenario).hoop_clearance)
-    return flight, scenario.with_diameters([hoop.diameter - 2 * (aside + 1e-6)])
-
-
-BREAKS: dict[str, Callable[[Trajectory, Scenario], tuple[Trajectory, Scenario]]] = {
-    "max_control_violation": _weaker_vehicle,
-    "max_path_violation": _lower_ceiling,
-    "replay_error": _moved_state,
-    "gap": _faster_motion,
-    "terminal_error": _moved_goal,
-    "hoop_clearance": _narrower_hoop,
-}
-"""How to break a flight or to tighten its scenario, by the field of the certificate that must fail."""
 
 
 def warm(quick: bool, advance: Advance) -> list[Row]:

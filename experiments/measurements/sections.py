@@ -12,10 +12,11 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import joblib
 import numpy as np
 from rich.progress import Progress, TaskID
 
@@ -40,6 +41,8 @@ REFERENCE_TIMES = {
     "climb": 1.30037,
 }
 """T* [s] found by other code and finer grids before this project."""
+PROCESSES = 2
+"""Worker processes of sections that run in parallel."""
 HALF_WIDTH = 10.0
 """Half the width of the square of uniform goals [m]."""
 LEAST_DISTANCE = 0.5
@@ -73,6 +76,16 @@ def fresh_process(code: str) -> float:
     begun = time.perf_counter()
     subprocess.run([sys.executable, "-c", code], check=True)
     return time.perf_counter() - begun
+
+
+def in_parallel(function: Callable[..., Row], tasks: Iterable[Sequence[Any]], advance: Advance) -> list[Row]:
+    """Return `function(*task)` of all tasks, in their order."""
+    calls = [joblib.delayed(function)(*task) for task in tasks]
+    rows: list[Row] = []
+    for row in joblib.Parallel(n_jobs=PROCESSES, return_as="generator")(calls):
+        rows.append(row)
+        advance(len(rows), len(calls))
+    return rows
 
 
 def measure(sections: Mapping[str, Section], out: Path, *, smoke: bool, command: str, bar: Progress) -> Row:

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import time
 
-import joblib
 import numpy as np
 
 import optimal
 from experiments.files import Row
-from experiments.measurements import batches, flat, proofs
+from experiments.measurements import batches, broken_flights, fewest_steps, flat, proofs
 from experiments.measurements.rockit import rockit_solver
 from experiments.measurements.sections import (
     REFERENCE_TIMES,
@@ -22,6 +21,7 @@ from experiments.measurements.sections import (
     Section,
     convergence_order,
     fresh_process,
+    in_parallel,
     median,
     uniform_goal,
 )
@@ -34,7 +34,6 @@ GOALS, STARTS = 100, 10
 """Uniform goals, and random initial guesses of each."""
 ORDER_CASES = (("horizontal-6", 0), ("diagonal", 0), ("climb", 1))
 ORDER_NODES, FINEST = (25, 50, 100, 200, 400), 1600
-PROCESSES = 2
 
 
 def references(quick: bool, advance: Advance) -> list[Row]:
@@ -54,11 +53,8 @@ def starts(quick: bool, advance: Advance) -> list[Row]:
     """How many random initial guesses converge, and how many find the best time? A row a goal, then a total."""
     goals, each = (3, 3) if quick else (GOALS, STARTS)
     generator = np.random.default_rng(0)
-    jobs = [joblib.delayed(starts_of)(uniform_goal(generator, i), each, seed=i) for i in range(goals)]
-    rows: list[Row] = []
-    for row in joblib.Parallel(n_jobs=PROCESSES, return_as="generator")(jobs):
-        rows.append(row)
-        advance(len(rows), goals)
+    tasks = [(uniform_goal(generator, i), each, i) for i in range(goals)]
+    rows = in_parallel(starts_of, tasks, advance)
     total = {key: sum(row[key] for row in rows) for key in ("starts", "converged", "found_best", "solved")}
     return [*rows, {"scenario": "all", **total}]
 
@@ -143,9 +139,9 @@ SECTIONS: dict[str, Section] = {
     "bounds": proofs.bounds,
     "goal_bounds": proofs.goal_bounds,
     "validity": proofs.validity,
-    "steps": proofs.steps,
-    "goal_steps": proofs.goal_steps,
-    "broken": proofs.broken,
+    "steps": fewest_steps.steps,
+    "goal_steps": fewest_steps.goal_steps,
+    "broken": broken_flights.broken,
     "warm": proofs.warm,
 }
 """The sections by name."""

@@ -200,10 +200,10 @@ def pages(rows: Sequence[Mapping[str, Any]]) -> dict[str, Draw]:
     return {**FIGURES, "verdicts": partial(verdict_figure, rows)}
 
 
-def write(pages: Mapping[str, Draw], folder: Path, progress: Callable[[], Any] = lambda: None) -> None:
+def write_pages(pages: Mapping[str, Draw], folder: Path, progress: Callable[[], Any] = lambda: None) -> None:
     """Write figures as pages into a folder; `progress` is called after each."""
     for name, draw in pages.items():
-        figures.write(draw(), folder / f"{name}.html")
+        figures.write_page(draw(), folder / f"{name}.html")
         progress()
 
 

@@ -81,7 +81,7 @@ def key_action(held: Iterable[str], hover: float) -> Array:
 
 
 def stick_action(axes: dict[int, float], hover: float) -> Array:
-    """Return the action of a gamepad, (2,): the stick spans both thrust limits, the trigger those above hover."""
+    """Return a gamepad's action, shape (2,): the stick spans both thrust limits, the trigger those above hover."""
     lift, pulled = -deflection_of(axes.get(LIFT_AXIS, 0.0)), max(deflection_of(axes.get(TRIGGER_AXIS, 0.0)), 0.0)
     lift = lift if lift else pulled
     thrust = hover + (1 - hover) * lift if lift > 0 else hover + (hover + 1) * lift

@@ -1,1 +1,1 @@
-"""Published results as tables and pictures in the README and the docs."""
+"""Published results as tables and figures of the README and the docs."""

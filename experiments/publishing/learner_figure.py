@@ -30,12 +30,12 @@ def picture(results: Row) -> go.Figure:
     )  # fmt: skip
     for row, problem in enumerate(problems, start=1):
         agents = [agent for name, agent in pairs(found) if name == problem]
-        bars(figure, [found[problem, agent, NOMINAL] for agent in agents], row)
-        marks(figure, [found[problem, agent, COMBINED] for agent in agents], row)
-        gaps(figure, [found[problem, agent, NOMINAL] for agent in agents], row)
+        success_bars(figure, [found[problem, agent, NOMINAL] for agent in agents], row)
+        disturbed_marks(figure, [found[problem, agent, COMBINED] for agent in agents], row)
+        gap_marks(figure, [found[problem, agent, NOMINAL] for agent in agents], row)
         for agent in agents:
             for number, cell in enumerate(cells_of(results, problem, agent)):
-                curve(figure, cell, results["validation_k_star"][problem], row, legend=row == 1 and number == 0)
+                gap_curve(figure, cell, results["validation_k_star"][problem], row, legend=row == 1 and number == 0)
         for column in (1, 2):
             figure.update_yaxes(
                 categoryorder="array", categoryarray=[display_name(agent) for agent in reversed(agents)],
@@ -59,7 +59,7 @@ def picture(results: Row) -> go.Figure:
     )
 
 
-def error(rows: Sequence[Row], name: str, middle: str) -> dict[str, Any]:
+def error_bars(rows: Sequence[Row], name: str, middle: str) -> dict[str, Any]:
     """Return error bars for an interval."""
     return {
         "type": "data",
@@ -72,40 +72,40 @@ def error(rows: Sequence[Row], name: str, middle: str) -> dict[str, Any]:
     }
 
 
-def bars(figure: go.Figure, rows: Sequence[Row], row: int) -> None:
+def success_bars(figure: go.Figure, rows: Sequence[Row], row: int) -> None:
     """Draw the success of nominal episodes."""
     figure.add_bar(
         x=[one["success_rate"] for one in rows], y=[display_name(one["agent"]) for one in rows], orientation="h",
-        marker={"color": [colour(one["agent"]) for one in rows]}, error_x=error(rows, "success", "success_rate"),
+        marker={"color": [colour(one["agent"]) for one in rows]}, error_x=error_bars(rows, "success", "success_rate"),
         showlegend=False, row=row, col=1,
     )  # fmt: skip
 
 
-def marks(figure: go.Figure, rows: Sequence[Row], row: int) -> None:
+def disturbed_marks(figure: go.Figure, rows: Sequence[Row], row: int) -> None:
     """Draw the success of disturbed episodes."""
     figure.add_scatter(
         x=[one["success_rate"] for one in rows], y=[display_name(one["agent"]) for one in rows], mode="markers",
         marker={"symbol": "diamond", "size": 9, "color": "white", "line": {"color": INK, "width": 1.5}},
-        error_x=error(rows, "success", "success_rate"), showlegend=False, row=row, col=1,
+        error_x=error_bars(rows, "success", "success_rate"), showlegend=False, row=row, col=1,
     )  # fmt: skip
 
 
-def gaps(figure: go.Figure, rows: Sequence[Row], row: int) -> None:
+def gap_marks(figure: go.Figure, rows: Sequence[Row], row: int) -> None:
     """Draw the gaps with their intervals."""
     figure.add_scatter(
         x=[one["gap"] for one in rows], y=[display_name(one["agent"]) for one in rows], mode="markers",
-        marker={"size": 9, "color": [colour(one["agent"]) for one in rows]}, error_x=error(rows, "gap", "gap"),
+        marker={"size": 9, "color": [colour(one["agent"]) for one in rows]}, error_x=error_bars(rows, "gap", "gap"),
         showlegend=False, row=row, col=2,
     )  # fmt: skip
 
 
-def curve(figure: go.Figure, cell: Row, validation_k_star: float, row: int, legend: bool) -> None:
+def gap_curve(figure: go.Figure, cell: Row, validation_k_star: float, row: int, legend: bool) -> None:
     """Draw the smallest gap so far of the validations that reach the target success."""
     if not cell["curve"]:
         return
-    steps, least = learning_curve(cell, validation_k_star)
+    samples, least = learning_curve(cell, validation_k_star)
     figure.add_scatter(
-        x=steps, y=least,
+        x=samples, y=least,
         mode="lines+markers", line={"color": colour(cell["agent"]), "width": 1.5, "shape": "hv"}, marker={"size": 5},
         name=display_name(cell["agent"]), legendgroup=cell["agent"], showlegend=legend, row=row, col=3,
     )  # fmt: skip

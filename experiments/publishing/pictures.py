@@ -118,7 +118,7 @@ def stills(folder: Path, benchmark: Row, paper: Row) -> None:
     from experiments.paper import figures as paper_figures
 
     solution, actions = optimal.solve(AGENT), np.array(agent_cell(benchmark)["actions"], dtype=np.float32)
-    tracks = [figures.optimal_track(solution), figures.flown_track(solution.scenario, actions, "PPO")]
+    tracks = [figures.optimal_track(solution), figures.replayed_track(solution.scenario, actions, "PPO")]
     chart = figures.paths(solution.scenario, tracks, f"{AGENT}: the optimum and an agent trained by PPO")
     write_text(folder / f"{AGENT}-paths.svg", chart.to_image("svg", width=1000, height=540).decode())
     for name in PAPER_FIGURES:

@@ -9,7 +9,7 @@ from flatgym import SCENARIOS, Scenario, reference
 from flatgym.quadrotor import Array
 from flatgym.scenarios.reference import ghost_states
 
-COLUMNS, TILE, CAPTION, EDGE = 4, 220.0, 30.0, 18.0
+COLUMNS, TILE, CAPTION, EDGE = 5, 180.0, 26.0, 14.0
 """Tiles in a row; side of a tile's picture, height of its caption, and its inner margin [px]."""
 VEHICLE, EVERY = 0.34, 6
 """Drawn length of the vehicle [m], and the steps between two drawings of it."""
@@ -67,16 +67,17 @@ def picture(scenario: Scenario) -> str:
         style = f'stroke="{colour}" stroke-width="{width}" stroke-linecap="round"'
         return f'<line x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" {style}/>'
 
-    parts = [f'<text x="{TILE / 2:.0f}" y="20" text-anchor="middle" fill="{INK}">{scenario.name}</text>']
+    parts = [f'<text x="{TILE / 2:.0f}" y="18" text-anchor="middle" fill="{INK}">{scenario.name}</text>']
     if scenario.floor is not None:
         wide = (TILE / 2 - EDGE / 2) / scale
-        parts.append(line(*(np.array([middle[0] + side * wide, scenario.floor]) for side in (-1, 1)), GROUND, 2))
+        left, right = (np.array([middle[0] + side * wide, scenario.floor]) for side in (-1, 1))
+        parts.append(line(left, right, GROUND, 2))
     track = " ".join(place(state[0:2]) for state in states)
     parts.append(f'<polyline points="{track}" fill="none" stroke="{PATH}" stroke-width="1.5"/>')
     for state in states[::EVERY]:
         arm = VEHICLE / 2 * np.array([np.cos(state[4]), -np.sin(state[4])])
         parts.append(line(state[0:2] - arm, state[0:2] + arm, PATH, 2))
-    parts += [line(*hoop.rims, HOOP, 3) for hoop in scenario.hoops]
+    parts += [line(hoop.rims[0], hoop.rims[1], HOOP, 3) for hoop in scenario.hoops]
     for point, fill in ((scenario.start, "#fff"), (scenario.goal, INK)):
         x, y = place(np.array(point)).split(",")
         parts.append(f'<circle cx="{x}" cy="{y}" r="4" fill="{fill}" stroke="{INK}" stroke-width="1.5"/>')

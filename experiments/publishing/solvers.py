@@ -44,12 +44,12 @@ def optimum(bound: Row, steps: Row) -> list[str]:
     """Return the cells of a named scenario."""
     time = bound["to_0.1%_s"]
     return [
-        bound["scenario"],
+        f"`{bound['scenario']}`",
         f"{bound['upper_bound_s']:.5f}",
         lower_bound(bound["lower_bound_s"]),
         percent(bound["gap"], 3),
         "-" if time is None else f"{time:.2f}",
-        f"{steps['k_star']}" if steps["proven"] else f"{steps['k_star']}, at least {steps['lower_bound']}",
+        f"{steps['k_star']}" if steps["proven"] else f"{steps['k_star']} (≥\N{NO-BREAK SPACE}{steps['lower_bound']})",
         "yes" if steps["proven"] else "no",
     ]
 

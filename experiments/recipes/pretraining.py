@@ -95,7 +95,7 @@ def pretrain_scenario(name: str, seed: int, out: Path, command: str) -> Card:
             model = dagger(model, oracle, config, best)
     training_s = time.perf_counter() - began
     policies.save(model, out / f"{name}.zip", name)
-    score = scored(model, name, 1, best, training_s, command)
+    score = score_row(model, name, 1, best, training_s, command)
     return write_card(out / f"{name}.json", seed, command, [config for config, _ in stages], best.curve, score)
 
 
@@ -114,12 +114,12 @@ def pretrain_distribution(
     model = dagger(untrained_policy(config), combined_oracle(flights, distribution, seed=seed, jobs=jobs), config, best)
     training_s = time.perf_counter() - began
     policies.save(rounded(model), out / f"{name}.zip", name)
-    score = scored(model, name, N_EPISODES[name], best, training_s, command)
+    score = score_row(model, name, N_EPISODES[name], best, training_s, command)
     cost = {"planning_s": round(planned - began, 1), "flights": len(flights), "planned_before": stored}
     return write_card(out / f"{name}.json", seed, command, [config], best.curve, score, **cost)
 
 
-def scored(model: Any, name: str, episodes: int, best: BestPolicy, training_s: float, command: str) -> Card:
+def score_row(model: Any, name: str, episodes: int, best: BestPolicy, training_s: float, command: str) -> Card:
     """Return the score row of a trained policy."""
     rows = evaluate(
         model,

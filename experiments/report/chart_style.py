@@ -50,7 +50,7 @@ def label(name: str) -> str:
 
 
 def plain_figure(figure: go.Figure) -> dict[str, Any]:
-    """Return data and layout of a figure as JSON values, without title, template, width and fonts: the page sets them."""
+    """Return data and layout of a figure as JSON values, without the title, size and fonts, which the page sets."""
     content: dict[str, Any] = json.loads(figure.to_json())
     for key in ("template", "title", "width", "height", "font", "margin"):
         content["layout"].pop(key, None)

@@ -118,11 +118,12 @@
   // ---- controls -----------------------------------------------------------------------------------------------
 
   function onKey(event) {
-    const step = event.shiftKey ? 10 : 1;
+    // From the step that is displayed: race.steps may be just below it.
+    const step = event.shiftKey ? 10 : 1, shown = Number(time.value);
     const actions = {
       " ": toggle,
-      ArrowLeft: () => { pause(); seek(Math.ceil(race.steps) - step); },
-      ArrowRight: () => { pause(); seek(Math.floor(race.steps) + step); },
+      ArrowLeft: () => { pause(); seek(Math.ceil(shown) - step); },
+      ArrowRight: () => { pause(); seek(Math.floor(shown) + step); },
       "+": () => changeSpeed(1),
       "=": () => changeSpeed(1),
       "-": () => changeSpeed(-1),

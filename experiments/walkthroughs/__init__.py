@@ -1,12 +1,12 @@
-"""Walk-throughs: FlatQuad from end to end, one script for each kind of reader.
+"""Walk-throughs: FlatQuad from end to end, one script each for reinforcement learning, control and imitation learning.
 
-    python -m experiments.walkthroughs.reinforcement    # train PPO, and score it against the best flight there is
-    python -m experiments.walkthroughs.control          # a scenario of one's own: solve, certify, prove, compare
-    python -m experiments.walkthroughs.imitation        # record optimal flights, clone them, DAgger, on with PPO
+    python -m experiments.walkthroughs.reinforcement    # train PPO, and score it against the optimum
+    python -m experiments.walkthroughs.control          # a scenario of your own: solve, certify, prove, compare
+    python -m experiments.walkthroughs.imitation        # record optimal flights, clone, DAgger, fine-tune with PPO
 
-They are written in `# %%` cells, so that VS Code, Spyder and Jupyter (by jupytext) open them as notebooks: everything
-stands at the top level, and importing one runs it. With `--quick` each takes seconds and learns next to nothing.
-What they write goes to experiments/results/walkthroughs, below the folder one is in.
+The scripts consist of `# %%` cells. VS Code, Spyder and Jupyter (with jupytext) open them as notebooks. All code is at
+the top level: importing a script runs it. With `--quick` each takes seconds and learns almost nothing. Results go to
+experiments/results/walkthroughs in the working directory.
 """
 
-__all__: tuple[str, ...] = ()  # so that tools that document or complete import none of them, which would run it
+__all__: tuple[str, ...] = ()  # tools that import listed modules would run them

@@ -1,15 +1,14 @@
 # %% [markdown]
 # # For control: a task of your own, its optimum, and the proof
 #
-# A planar quadrotor is to fly from rest to rest in the least time, through a hoop. Its thrust and its pitch rate are
-# limited, its path is curved, and nobody can see from a flight alone whether it is the fastest. Here we define such a
-# task, solve it, have the answer certified and a lower bound proven, ask three independent methods, and take the
-# flight away as a CSV file.
+# A planar quadrotor is to fly from rest to rest in the least time, through a hoop, with limited thrust and pitch rate.
+# A flight alone does not show whether it is the fastest. Here we define such a task, solve it, certify the flight,
+# prove a lower bound, compare three independent methods, and export the flight as a CSV file.
 #
 # Run it cell by cell, or as a whole: `python -m experiments.walkthroughs.control`, with `--quick` in seconds.
 
 # %%
-"""The control engineer's walk-through: define a task, solve, certify, prove, compare the roads, export."""
+"""Walk-through for control: define a task, solve, certify, prove, compare methods, export."""
 
 import sys
 from dataclasses import replace
@@ -30,8 +29,8 @@ FOLDER.mkdir(parents=True, exist_ok=True)
 # %% [markdown]
 # ## The task
 #
-# A `Scenario` is a frozen value: lengths in metres, x to the right, z up. Whatever is impossible in it is refused when
-# it is made, with words that say which field. Beside the task itself we keep the same one without its hoop.
+# A `Scenario` is a frozen value: lengths in metres, x to the right, z up. An impossible one is refused when it is made;
+# the error names the field. We also define the same task without its hoop.
 
 # %%
 window = Scenario("window", start=(0, 0), goal=(4, 1), hoops=(Hoop(2, 1.5, diameter=0.6),))
@@ -45,20 +44,21 @@ except ValueError as refusal:
 # %% [markdown]
 # ## The flight
 #
-# `solve` tries whole turns of the vehicle and several starts for each, by direct multiple shooting with the exact
-# step, and returns the fastest flight that is certified. To pass a window like this one it can pay to flip over.
+# `solve` uses direct multiple shooting with the exact step. It tries several windings (whole turns of the vehicle),
+# each from several initial guesses, and returns the fastest certified flight. A flip can save time through such a
+# window.
 
 # %%
 solution = optimal.solve(window, max_gap=None)  # the bound is proven below
 print(solution.status)
-print(f"T* = {solution.time:.5f} s, {solution.winding} whole turns, in {solution.solve_time:.2f} s of solving")
+print(f"T* = {solution.time:.5f} s, winding {solution.winding}, in {solution.solve_time:.2f} s of solving")
 
 # %% [markdown]
 # ## The certificate
 #
-# The certificate knows nothing of the solver. It flies the controls again by the closed form of the equations of
-# motion, and bounds thrust, rate, heights and the way through the hoop at every instant, not at samples. It can also
-# say no: through a slightly smaller hoop the same flight does not pass.
+# The certificate is independent of the solver. It replays the controls by the closed form of the equations of motion,
+# and bounds thrust, rate, heights and hoop clearance in continuous time, not at samples. It rejects the same flight
+# through a slightly smaller hoop.
 
 # %%
 assert solution.trajectory is not None
@@ -71,37 +71,37 @@ print(f"certified through the hoop: {passes.holds()}; through a smaller one: {mi
 # %% [markdown]
 # ## The proof
 #
-# A certified flight shows that T* is not more. That it is not less takes a proof about all flights: they are divided
-# into branches, and each branch is excluded by multipliers of its own. `check` computes every exclusion anew.
+# A certified flight is an upper bound of T*. A lower bound takes a proof about all flights: they are divided into
+# branches, and multipliers exclude each branch. `check` recomputes every exclusion.
 
 # %%
 proof = optimal.prove(window, max_gap=1e-2 if QUICK else 5e-4)
 print(proof.verdict)
 print(f"no flight takes less than {proof.time:.5f} s; ours is {proof.gap:.3%} longer")
-print(f"{len(proof.excluded)} branches, {proof.wall_time:.1f} s; checked again: {proof.check()}")
+print(f"{len(proof.excluded)} branches, {proof.wall_time:.1f} s; recomputed: {proof.check()}")
 
 # %% [markdown]
-# ## Three roads
+# ## Three methods
 #
-# Shooting is direct; "flat" is the method of the paper, which optimises flat outputs between outer paths; "pontryagin"
-# is indirect and solves the conditions of the maximum principle. They share no transcription, so where they agree they
-# vouch for each other. Pontryagin knows no hoops: all three meet in open air. The flat road is confined to its
-# corridor, which costs it a little, and through the hoop more.
+# "shooting" is direct. "flat" is the paper's method: it optimises flat outputs between outer paths. "pontryagin" is
+# indirect: it solves the conditions of the maximum principle. They share no transcription, and their agreement is
+# evidence for all of them. Pontryagin's method has no hoops, therefore all three are compared in open air. The flat
+# method is confined to its corridor, which costs a little time, and more through the hoop.
 
 # %%
-asked = [(open_air, road) for road in ("shooting", "flat", "pontryagin")]
-asked += [] if QUICK else [(window, "flat")]
-solutions = [optimal.solve(scenario, method=road, max_gap=None) for scenario, road in asked] + [solution]
-roads = pd.DataFrame([one.row() for one in solutions])[
+runs = [(open_air, method) for method in ("shooting", "flat", "pontryagin")]
+runs += [] if QUICK else [(window, "flat")]
+solutions = [optimal.solve(scenario, method=method, max_gap=None) for scenario, method in runs] + [solution]
+methods = pd.DataFrame([one.row() for one in solutions])[
     ["scenario", "method", "time_s", "winding", "iterations", "solve_time_s", "max_control_violation"]
 ].sort_values(["scenario", "time_s"], ignore_index=True)
-print(roads.to_string(index=False))
+print(methods.to_string(index=False))
 
 # %% [markdown]
 # ## The fewest steps
 #
-# Agents fly in steps of dt with held controls, and arrive within a tolerance. Their optimum is another number: K*. Its
-# actions replay in the environment, which is the one that agents fly in.
+# Agents hold their controls for steps of dt and reach the goal within a tolerance. Their optimum is another number, K*,
+# the fewest steps. Its actions replay in the agents' environment.
 
 # %%
 best = optimal.fewest_steps(window)
@@ -111,40 +111,42 @@ for action in best.actions:
     info = env.step(action)[4]
 env.close()
 print(f"K* = {best.steps} steps of {window.dt} s; fewer than {best.lower_bound} are impossible")
-print(f"the environment says: {info['outcome']!r} after {info['steps']} steps")
+print(f"in the environment: {info['outcome']!r} after {info['steps']} steps")
 
 # %% [markdown]
 # ## The flight as a file
 #
-# Columns name their quantity and unit; numbers are written in full, so that reading gives back the very same ones.
+# Columns name their quantity and unit. Numbers are written with all digits and read back exactly.
 
 # %%
 samples = solution.trajectory.sample(0.01)
 file = optimal.save(samples, FOLDER / "window.csv")
 print(file.read_text(encoding="utf-8").splitlines()[0])
-print(f"{file}: {len(samples.time)} rows, read back alike: {np.array_equal(optimal.load(file).state, samples.state)}")
+print(f"{file}: {len(samples.time)} rows, read back exactly: {np.array_equal(optimal.load(file).state, samples.state)}")
 
 # %% [markdown]
 # ## The picture
 #
-# The quadrotor stands on its path in equal time steps, its thrust as a flame. Open the pages in a browser.
+# The quadrotor in equal time steps, with its thrust as a flame. Open the pages in a browser.
 
 # %%
 through = figures.optimal_track(solution)
 around = figures.optimal_track(next(one for one in solutions if one.scenario == open_air and one.method == "shooting"))
-tracks = [through, figures.flown_track(window, best.actions, "K*"), around]
-figures.write(figures.paths([window, window, open_air], tracks, "The window, and the open air"), FOLDER / "paths.html")
-figures.write(figures.controls(window.quadrotor, tracks, "Thrust and rate"), FOLDER / "controls.html")
+tracks = [through, figures.replayed_track(window, best.actions, "K*"), around]
+figures.write_page(
+    figures.paths([window, window, open_air], tracks, "The window, and the open air"), FOLDER / "paths.html"
+)
+figures.write_page(figures.controls(window.quadrotor, tracks, "Thrust and rate"), FOLDER / "controls.html")
 print(f"pictures: {FOLDER / 'paths.html'}, {FOLDER / 'controls.html'}")
 
 # %% [markdown]
-# ## What was learnt
+# ## Result
 
 # %%
-agreement = roads[roads["scenario"] == open_air.name]["time_s"]
-learnt = (
-    f"The hoop costs {solution.time / agreement.min() - 1:.1%}: {solution.time:.4f} s, certified, and no flight at all "
+agreement = methods[methods["scenario"] == open_air.name]["time_s"]
+conclusion = (
+    f"The hoop costs {solution.time / agreement.min() - 1:.1%}: {solution.time:.4f} s, certified, and no flight "
     f"takes less than {proof.time:.4f} s. In open air three methods that share nothing differ by "
     f"{agreement.max() / agreement.min() - 1:.2%}."
 )
-print(learnt)
+print(conclusion)

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flatgym.envs.config import EnvConfig, Starts
-from flatgym.envs.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, make_fleet, not_finite
+from flatgym.envs.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, not_finite
+from flatgym.envs.fleet_selection import make_fleet
 from flatgym.envs.resetting import check_options, check_seed, known_k_star, start_episodes
 from flatgym.envs.spaces import action_space, observation_space, take_actions
 from flatgym.rendering.recorder import EpisodeRecorder

@@ -1,8 +1,7 @@
 """A fleet: n vehicles in one environment configuration, each with its own sequence of episodes.
 
 `Fleet` is the interface that the Gymnasium environments use. `NumpyFleet` implements it with the functions of
-`flatgym.task`, `CompiledFleet` with the kernels of `flatgym.kernels`. `make_fleet` returns the compiled one where numba
-is installed.
+`flatgym.task`, `CompiledFleet` with the kernels of `flatgym.kernels`. `flatgym.envs.fleet_selection` chooses.
 
 A vehicle has a seed and an episode number. Everything random in an episode is a function of these two
 (`flatgym.scenarios.counter_rng`).
@@ -12,7 +11,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
-from importlib.util import find_spec
 from typing import NamedTuple
 
 import numpy as np
@@ -173,17 +171,6 @@ class Fleet(ABC):
         if isinstance(problem, Scenario):
             return np.full(self.n, len(problem.hoops))
         return problem.draw(self.seeds, self.episodes)[:, 2].astype(np.int64)
-
-
-def make_fleet(config: EnvConfig, n: int, same_step: bool = False) -> Fleet:
-    """Return a CompiledFleet where numba is installed, else a NumpyFleet."""
-    if find_spec("numba") is None:
-        from flatgym.envs.numpy_fleet import NumpyFleet
-
-        return NumpyFleet(config, n, same_step)
-    from flatgym.envs.compiled_fleet import CompiledFleet
-
-    return CompiledFleet(config, n, same_step)
 
 
 def not_finite(actions: Array) -> ValueError:

@@ -22,7 +22,8 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from flatgym.envs.config import EnvConfig, Starts
-from flatgym.envs.fleet import OUTCOME, REWARD, TIME, Mask, Record, Seeds, StepResult, make_fleet
+from flatgym.envs.fleet import OUTCOME, REWARD, TIME, Mask, Record, Seeds, StepResult
+from flatgym.envs.fleet_selection import make_fleet
 from flatgym.envs.outcome_strings import OutcomeStrings
 from flatgym.envs.resetting import OPTIONS, check_options, check_seed, known_k_star, scenario_k_star, start_episodes
 from flatgym.envs.spaces import action_space, observation_space, take_actions

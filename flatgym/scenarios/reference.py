@@ -6,7 +6,7 @@
     drawn_k_star("random-goal", seeds).k_star    # of the sampled scenarios used for evaluation
 
 The numbers are stored in `reference.json` beside this file, so scores need no solver.
-`python -m experiments.measurements.reference_table` computes them. They hold for exactly the scenarios of SCENARIOS and
+`flatquad measure reference` computes them. They hold for exactly the scenarios of SCENARIOS and
 DISTRIBUTIONS. For any other scenario, even with another tolerance only, use the package `optimal`.
 """
 

@@ -159,7 +159,7 @@ class Scenario:
         if not self.hoops and math.dist(self.start, self.goal) <= self.tolerance.position:
             raise ValueError(
                 f"Scenario.goal {self.goal} lies within tolerance.position = {self.tolerance.position} m "
-                f"of the start {self.start}: nothing is left to fly"
+                f"of the start {self.start}: the start is already at the goal"
             )
 
     def _check_vehicle(self) -> None:

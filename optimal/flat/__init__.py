@@ -5,8 +5,7 @@ bernstein           proven bounds of piecewise polynomials
 bounds              proven bounds of thrust, rate and position of a flat motion
 trajectory          the motion in time: eqs. (6), (7), (9)
 limits              violation of limits in continuous time, and uniform time scaling
-problem             values: the problem, an iterate, a trust region
-check_grid          the grid, and the checks at which limits are imposed
+problem             values: the problem, an iterate, a trust region, and the checks at which limits are imposed
 transcription       eq. (10) as a parametric nonlinear program
 program_data        its parameters and bounds
 program             one solve on a fixed grid

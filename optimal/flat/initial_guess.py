@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from optimal.flat.check_grid import shared_points, spaces
 from optimal.flat.limits import constraint_violation
-from optimal.flat.problem import FIXED_PATH, LARGE_REGION, Iterate, PlanningProblem
+from optimal.flat.problem import FIXED_PATH, LARGE_REGION, Iterate, PlanningProblem, shared_points, spaces
 from optimal.flat.program import SUCCESS, solve_program
 from optimal.flat.program_data import LEAST_SQUARED_SPEED
 from optimal.flat.trajectory import FlatTrajectory

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from flatgym.quadrotor import Array
-from optimal.flat.check_grid import check_points, shared_points, spaces
-from optimal.flat.problem import Iterate, PlanningProblem, TrustRegion
+from optimal.flat.problem import Iterate, PlanningProblem, TrustRegion, check_points, shared_points, spaces
 from optimal.flat.transcription import QUADRATURE, check_functions
 
 LEAST_SQUARED_SPEED = 1e-3

@@ -20,10 +20,9 @@ from heapq import heapify, heappush, heapreplace
 import numpy as np
 
 from flatgym.quadrotor import Array
-from optimal.flat.check_grid import shared_points, spaces
 from optimal.flat.initial_guess import first_solution, motion, slow_start
 from optimal.flat.limits import constraint_violation, interval_violations, slowed_to_limits, sped_up_to_limits
-from optimal.flat.problem import FIXED_PATH, LARGE_REGION, SMALL_REGION, Iterate, PlanningProblem
+from optimal.flat.problem import FIXED_PATH, LARGE_REGION, SMALL_REGION, Iterate, PlanningProblem, shared_points, spaces
 from optimal.flat.program import USABLE, solve_program
 from optimal.flat.program_data import LEAST_SQUARED_SPEED
 from optimal.flat.solution import FlatSolution, assessed

@@ -20,7 +20,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from optimal.flat.check_grid import checks_per_interval, local_sizes, spaces
+from optimal.flat.problem import checks_per_interval, local_sizes, spaces
 from optimal.flat.splines import SplineSpace
 from optimal.systems import FlatSystem, along_path
 

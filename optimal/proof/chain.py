@@ -67,7 +67,7 @@ import numba
 import numpy as np
 
 from flatgym.quadrotor import Array
-from optimal.proof.tilt_program import Integers, Limits, Tilts, sweep
+from optimal.proof.tilt_program import Integers, Tilts, sweep
 
 
 class Chain(NamedTuple):

@@ -22,7 +22,7 @@ from optimal.proof.branches import Branch
 from optimal.proof.chain import Chain, best_chain, best_through, best_values, first_rows, reverse_time
 from optimal.proof.rounding import LEAST_LENGTH, UNIT_ROUNDOFF
 from optimal.proof.stations import STEPS_APART, Interval, Problem, Stations, to_instants, to_times
-from optimal.proof.tilt_program import Integers, limits, tilts
+from optimal.proof.tilt_program import limits, tilts
 from optimal.proof.time_grid import TimeGrid
 
 ROUNDING_UNITS = 256

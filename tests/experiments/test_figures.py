@@ -1,4 +1,4 @@
-"""Figures show the numbers they were given."""
+"""Figures show the numbers they are given."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_paths_hold_the_flight_and_the_vehicles_on_it(track):
     assert sum(trace.name == "hoop" for trace in figure.data) == 2 * len(SCENARIOS["slalom"].hoops)
 
 
-def test_each_flight_has_a_panel_of_its_own_on_the_same_scale(track):
+def test_each_flight_has_its_own_panel_on_the_same_scale(track):
     figure = figures.paths(SCENARIOS["horizontal-6"], [track, track], "title")
     assert figure.layout.yaxis.range == figure.layout.yaxis2.range
     assert figure.layout.yaxis2.scaleanchor == "x2"
@@ -52,7 +52,7 @@ def test_controls_are_held_and_limits_drawn(track, quadrotor):
     assert {shape.y0 for shape in figure.layout.shapes} == {1.0, 20.0, -10.0, 10.0}
 
 
-def test_learning_tells_goals_from_failures():
+def test_a_learning_curve_separates_successes_from_failures():
     curve = [
         {"env_steps": 10, "outcome": "time-limit", "steps": 250},
         {"env_steps": 20, "outcome": "goal", "steps": 90},
@@ -65,7 +65,7 @@ def test_learning_tells_goals_from_failures():
 
 def test_written_pages_share_one_script(track, tmp_path, quadrotor):
     for name in ("one", "two"):
-        figures.write(figures.controls(quadrotor, [track], name), tmp_path / f"{name}.html")
+        figures.write_page(figures.controls(quadrotor, [track], name), tmp_path / f"{name}.html")
     assert {path.name for path in tmp_path.iterdir()} == {"one.html", "two.html", "plotly.min.js"}
     assert 'src="plotly.min.js"' in (tmp_path / "one.html").read_text()
     assert (tmp_path / "one.html").stat().st_size < 100_000

@@ -35,6 +35,7 @@ def test_a_narrow_table_wraps_between_words_and_keeps_numbers_with_their_units(p
     assert max(map(len, lines)) <= 46
     words = " ".join(lines).split()
     assert {"random-goal", "open-loop", "replay", "1219", "training"} <= set(words)
+    assert not any(word.endswith("-") and len(word) > 1 for word in words)
     assert any("+36.3 %" in line for line in lines)
     assert any("[35.5, 37.0]" in line for line in lines)
 

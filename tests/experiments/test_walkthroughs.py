@@ -1,7 +1,6 @@
-"""The walk-throughs run from top to bottom, and what they tell obeys the laws of the benchmark.
+"""The walk-throughs run from top to bottom, and their results are consistent.
 
-They are scripts of cells, so a test runs one as its reader does, in a folder of its own, and looks at the names that
-it leaves behind.
+A test runs a script in a temporary folder and examines its variables.
 """
 
 import json
@@ -24,7 +23,7 @@ from optimal.flights.replay import REPLAY_TOLERANCE
 
 NAMES = ("control", "imitation", "reinforcement")
 SOURCES = {name: Path(walkthroughs.__path__[0], f"{name}.py").read_text(encoding="utf-8") for name in NAMES}
-RESULTS = Path("experiments/results/walkthroughs")
+WALKTHROUGH_RESULTS = Path("experiments/results/walkthroughs")
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +40,7 @@ def left(tmp_path_factory):
                 patch.setenv("MINARI_DATASETS_PATH", str(folder / "minari"))
                 names = runpy.run_module(f"experiments.walkthroughs.{name}", run_name="__main__")
             torch.set_num_threads(threads)
-            known[name] = names, folder / RESULTS / name, capsys.readouterr().out
+            known[name] = names, folder / WALKTHROUGH_RESULTS / name, capsys.readouterr().out
         return known[name]
 
     return run
@@ -64,9 +63,9 @@ def test_it_reads_as_a_notebook(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_it_ends_with_pictures_and_a_sentence(left, name, capsys):
     names, folder, printed = left(name, capsys)
-    assert printed.splitlines()[-1] == names["learnt"]
-    assert re.search(r"\d", names["learnt"])
-    assert "nan" not in names["learnt"]
+    assert printed.splitlines()[-1] == names["conclusion"]
+    assert re.search(r"\d", names["conclusion"])
+    assert "nan" not in names["conclusion"]
     for page in ("paths.html", "plotly.min.js"):
         assert (folder / page).stat().st_size > 1000
     assert all(isinstance(track, Track) for track in names["tracks"])
@@ -97,9 +96,9 @@ def test_control_solves_certifies_and_proves(left, capsys):
     np.testing.assert_allclose(table[["x_m", "z_m"]].iloc[-1], solution.scenario.goal, atol=REPLAY_TOLERANCE)
 
 
-def test_control_compares_roads_that_agree_and_a_hoop_is_never_free(left, capsys):
+def test_control_compares_methods_that_agree_and_a_hoop_costs_time(left, capsys):
     names, _, _ = left("control", capsys)
-    open_air = names["roads"].set_index(["scenario", "method"])["time_s"]["open-air"]
+    open_air = names["methods"].set_index(["scenario", "method"])["time_s"]["open-air"]
     assert set(open_air.index) == {"shooting", "flat", "pontryagin"}
     assert open_air["pontryagin"] == pytest.approx(open_air["shooting"], rel=1e-3)
     assert open_air["shooting"] / (1 + 1e-3) <= open_air["flat"] <= 1.02 * open_air["shooting"]
@@ -110,14 +109,16 @@ def test_imitation_records_what_replays_and_saves_what_loads(left, capsys):
     names, folder, _ = left("imitation", capsys)
     assert {(one.outcome, one.steps - one.k_star) for one in names["replays"]} == {("goal", 0)}
     assert names["k_star"] == reference(names["NAME"]).k_star
-    assert len(names["shown"].actions) == names["dataset"].total_steps
-    for file, model in (("cloned.zip", "cloned"), ("advised.zip", "advised")):
+    assert len(names["expert_data"].actions) == names["dataset"].total_steps
+    for file, model in (("cloned.zip", "cloned"), ("dagger.zip", "dagger_policy")):
         loaded = policies.load(folder / file, trust=True)
-        actions = [one.predict(names["shown"].observations, deterministic=True)[0] for one in (loaded, names[model])]
+        actions = [
+            one.predict(names["expert_data"].observations, deterministic=True)[0] for one in (loaded, names[model])
+        ]
         np.testing.assert_array_equal(*actions)
 
 
-def test_imitation_scores_nobody_better_than_the_expert(left, capsys):
+def test_imitation_scores_no_policy_better_than_the_expert(left, capsys):
     table = left("imitation", capsys)[0]["table"].set_index("agent")
     assert table.loc["expert", "gap"] == 0
     assert (table["gap"].dropna() >= 0).all()

@@ -21,11 +21,11 @@ def test_the_first_flight_has_the_scenarios_start_and_the_others_displaced_start
 
 
 def test_a_plan_depends_on_the_seed_alone(goals):
-    told = []
-    (later,) = demonstrations.plan("random-goal", 1, seed=6, jobs=1, progress=lambda *counts: told.append(counts))
+    reported = []
+    (later,) = demonstrations.plan("random-goal", 1, seed=6, jobs=1, progress=lambda *counts: reported.append(counts))
     assert later.scenario == goals[1].scenario
     np.testing.assert_array_equal(later.flight.actions, goals[1].flight.actions)
-    assert told[-1] == (1, 1)
+    assert reported[-1] == (1, 1)
 
 
 def test_displaced_starts_stay_near_above_the_floor_and_off_the_goal(generator):

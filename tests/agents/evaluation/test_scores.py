@@ -135,17 +135,17 @@ def test_hoops_passed_are_returned():
 
 def test_episode_starts_are_passed_to_stateful_policies(near):
     """Episodes end at different steps; `episode_start` marks the resets of the environment."""
-    told = []
+    reported = []
 
     class Told(OpenLoop):
         def predict(self, observation, state=None, episode_start=None, deterministic=False):
-            told.append((observation[:, -1] == 0, episode_start))
+            reported.append((observation[:, -1] == 0, episode_start))
             return super().predict(observation, state, episode_start, deterministic)
 
     flown = fly(Told(np.concatenate([padded(near[:2]), [[DROP] * max(f.steps for f in near[:2])]])), GOALS, 3)
     assert len(set(flown.steps)) > 1
-    assert all(np.array_equal(at_start, start) for at_start, start in told)
-    assert sum(start.sum() for _, start in told) > 3
+    assert all(np.array_equal(at_start, start) for at_start, start in reported)
+    assert sum(start.sum() for _, start in reported) > 3
 
 
 def test_faster_than_optimal_holds_the_evidence(optimum):
@@ -213,13 +213,13 @@ def test_a_policy_with_other_spaces_is_refused_before_the_first_step(spaces, wor
 
 def test_disturbances_are_recorded_and_allow_fewer_steps_than_k_star(optimum):
     late = replace(optimum, steps=1000)
-    calm, windy = (
+    nominal, windy = (
         evaluate(OpenLoop([HOVER]), "horizontal-3", 4, optimum=late, disturbances=disturbances).iloc[0]
         for disturbances in (Disturbances(), Disturbances(wind=3.0, sensor_noise=0.01))
     )
-    assert (calm.disturbances, calm.outcomes) == ({}, {"time-limit": 4})
+    assert (nominal.disturbances, nominal.outcomes) == ({}, {"time-limit": 4})
     assert windy.disturbances == {"wind": 3.0, "sensor_noise": 0.01}
-    assert windy.outcomes != calm.outcomes
+    assert windy.outcomes != nominal.outcomes
     # The same episode raises without disturbances and does not with sensor noise.
     with pytest.raises(FasterThanOptimal):
         evaluate(OpenLoop(optimum.actions), "horizontal-3", optimum=late)

@@ -1,6 +1,7 @@
 """The command line: tables, JSON, help with examples, and exit statuses that mean something."""
 
 import json
+import subprocess
 import sys
 
 import pytest
@@ -145,3 +146,10 @@ def test_demos_are_recorded(monkeypatch, capsys, tmp_path):
     (row,) = json.loads(out)
     assert row["dataset"] == "mine/v-v0"
     assert row["episodes"] == 2
+
+
+def test_a_missing_extra_is_a_sentence_and_exits_1():
+    code = "import sys; sys.modules['typer'] = None; sys.argv[0] = 'flatquad'; import experiments"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == "failed: typer not installed; run: pip install 'flatgym[experiments]'\n"

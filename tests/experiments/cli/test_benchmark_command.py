@@ -1,4 +1,4 @@
-"""`flatquad benchmark` and `flatquad report`: one command to everything, and nothing lost on the way."""
+"""`flatquad benchmark` and `flatquad report`: failures, interrupted runs, damaged files, bad arguments."""
 
 import json
 import signal
@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from experiments.benchmark import suite
-from experiments.benchmark.results import merge, only
+from experiments.benchmark.results import merge, select_problem
 from experiments.benchmark.suite import SUITES, Suite
 from experiments.cli import app
 from experiments.files import published
@@ -49,7 +49,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_what_fails_is_marked_and_the_rest_goes_on(folder):
+def test_failures_are_reported_and_the_rest_goes_on(folder):
     results = json.loads((folder / "benchmark.json").read_text())
     cells = {(cell["agent"], cell["seed"]): cell for cell in results["cells"]}
     assert set(cells) == {("bc", 0), ("bc", 1), ("pd", 0), ("pretrained", 0), ("crasher", 0), ("sleeper", 0)}
@@ -75,7 +75,7 @@ def timeless(results):
 TIMES = ("date", "command", "commit", "training_s", "planning_s")
 
 
-def test_a_killed_run_goes_on_to_what_it_would_have_been(folder, tmp_path):
+def test_a_killed_run_resumes_and_ends_the_same(folder, tmp_path):
     code = (
         "from experiments.benchmark.run import run\nfrom tests_small import SMALL\n"
         "from experiments.terminal import progress_bar\nfrom pathlib import Path\n"
@@ -97,7 +97,7 @@ def test_a_killed_run_goes_on_to_what_it_would_have_been(folder, tmp_path):
     assert timeless(json.loads((tmp_path / "mine.json").read_text())) == timeless(uninterrupted)
 
 
-def test_a_damaged_cell_is_named_set_aside_and_made_again(folder, monkeypatch, capsys):
+def test_a_damaged_cell_is_named_moved_aside_and_repeated(folder, monkeypatch, capsys):
     cell = folder / "benchmark" / "climb-pd-0.json"
     before, half = json.loads(cell.read_text()), cell.read_text()[:99]
     cell.write_text(half)
@@ -138,15 +138,19 @@ def test_an_unknown_option_suggests_the_nearest(monkeypatch, capsys, arguments, 
     assert nearest in err
 
 
-def test_the_report_shows_what_is_published_when_nothing_is_ones_own(monkeypatch, capsys, tmp_path):
+def test_the_report_shows_the_published_results_by_default(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     status, out, _ = flatquad(monkeypatch, capsys, "report", "--out", "mine.html", "--json")
     assert status == 0
     assert json.loads(out) == {"report": str(tmp_path / "mine.html"), "bytes": (tmp_path / "mine.html").stat().st_size}
-    (tmp_path / "half.json").write_text('{"schema": 1, "cel')
+    (tmp_path / "half.json").write_text('{"schema": 2, "cel')
     status, _, err = flatquad(monkeypatch, capsys, "report", "--results", "half.json")
     assert status == 2
-    assert "half.json holds no results that can be read" in err
+    assert "half.json is damaged" in err
+    (tmp_path / "old.json").write_text('{"schema": 1, "command": "flatquad benchmark"}')
+    status, _, err = flatquad(monkeypatch, capsys, "report", "--results", "old.json")
+    assert status == 2
+    assert "old.json has schema 1, this version reads 2: run the command again, `flatquad benchmark`" in err
     status, _, err = flatquad(monkeypatch, capsys, "report", "--results", "missing.json")
     assert status == 2
     assert "there is no missing.json" in err
@@ -154,7 +158,7 @@ def test_the_report_shows_what_is_published_when_nothing_is_ones_own(monkeypatch
 
 def test_results_are_merged_without_mixing_runs_of_an_agent():
     results = published("learners.json")
-    hoop = only("hoop", results)
+    hoop = select_problem("hoop", results)
     assert {cell["problem"] for cell in hoop["cells"]} == set(hoop["k_star"]) == {"hoop"}
     both = merge(hoop, results)
     key = [(cell["problem"], cell["agent"], cell["seed"]) for cell in both["cells"]]

@@ -1,4 +1,4 @@
-"""`flatquad evaluate`: one score row, for whoever flies."""
+"""`flatquad evaluate`: one score row for any policy."""
 
 import json
 import sys
@@ -50,7 +50,7 @@ def test_the_expert_flies_in_k_star_steps_and_is_planned_once(monkeypatch, capsy
     assert evaluate(monkeypatch, capsys, *arguments)[1] == out
 
 
-def test_disturbances_reach_the_flight(monkeypatch, capsys):
+def test_disturbances_reach_the_episodes(monkeypatch, capsys):
     options = {"wind": 2.0, "mass": 0.1, "thrust-gain": 0.05, "action-delay": 2, "sensor-noise": 0.01}
     words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
     _, out, _ = evaluate(
@@ -60,7 +60,7 @@ def test_disturbances_reach_the_flight(monkeypatch, capsys):
     assert row["disturbances"] == {name.replace("-", "_"): value for name, value in options.items()}
 
 
-def test_a_policy_flies_what_it_was_trained_on(monkeypatch, capsys, tmp_path):
+def test_a_policy_is_scored_on_the_scenario_it_was_trained_on(monkeypatch, capsys, tmp_path):
     from stable_baselines3 import PPO
 
     policies, vec_env = import_module("agents.policies"), import_module("agents.training.vec_env")
@@ -103,7 +103,7 @@ def test_help_has_an_example():
     assert "flatquad evaluate --pretrained hoop" in " ".join(result.output.split())
 
 
-def test_a_policy_of_ones_own_is_scored_and_drawn_beside_ours(monkeypatch, capsys, tmp_path):
+def test_a_policy_of_ones_own_is_scored_and_compared_with_ours(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_flatquad_agent.py").write_text(
         "from agents.controllers.cascaded_pd import CascadedPD\nfrom flatgym import Quadrotor\n\n\n"
@@ -134,7 +134,7 @@ def test_a_policy_of_ones_own_is_scored_and_drawn_beside_ours(monkeypatch, capsy
         ("import os; os._exit(3)", "ended without an answer, with exit code 3"),
     ],
 )
-def test_a_policy_that_misbehaves_is_told_of(monkeypatch, capsys, tmp_path, body, words):
+def test_a_policy_that_misbehaves_is_reported(monkeypatch, capsys, tmp_path, body, words):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "hostile.py").write_text(f"def policy(observation):\n    {body}\n")
     status, out, err = evaluate(monkeypatch, capsys, "hostile:policy", "--scenario", "climb", "--timeout", "5")

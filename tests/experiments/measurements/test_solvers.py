@@ -1,37 +1,37 @@
-"""The solvers' benchmark at small size: every section runs, and the file holds what was measured."""
+"""The measurement of the solvers at small size: every section runs, and its rows are consistent."""
 
 import json
 
 import joblib
 import numpy as np
 import pytest
+from rich.progress import Progress
 
 from experiments.files import SCHEMA
-from experiments.measurements import batches, proofs, solvers
+from experiments.measurements import batches, proofs, sections
 from experiments.measurements.rockit import rockit_solver
-from experiments.measurements.sections import convergence_order, joined, random_goal
-from experiments.measurements.solvers import SECTIONS, main
+from experiments.measurements.sections import SAME, convergence_order, join, measure, uniform_goal
+from experiments.measurements.solvers import SECTIONS
 from flatgym import SCENARIOS
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     out = tmp_path_factory.mktemp("solvers") / "solvers.json"
-    with joblib.parallel_config(backend="threading"), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(solvers, "PROCESSES", 1)
+    with joblib.parallel_config(backend="threading"), pytest.MonkeyPatch.context() as patch, Progress() as bar:
+        patch.setattr(sections, "PROCESSES", 1)
         patch.setattr(batches, "JOBS", 1)
-        patch.setattr(proofs, "PROCESSES", 1)
-        main(["--quick", "--out", str(out)])
+        measure(SECTIONS, out, smoke=True, command="flatquad measure solvers --quick", bar=bar)
     return json.loads(out.read_text())
 
 
-def test_every_section_has_rows_and_the_file_says_how_they_came_about(results):
+def test_every_section_has_rows_and_provenance(results):
     assert results["schema"] == SCHEMA
-    assert results["quick"] is True
-    assert {"versions", "machine"} <= set(results)
+    assert results["smoke"] is True
+    assert {"versions", "machine", "processor", "commit"} <= set(results)
     for section in results["sections"].values():
-        assert section["command"].startswith("python -m experiments.measurements.solvers --quick")
-        assert {"wall_time_s", "date"} <= set(section)
+        assert section["command"] == results["command"] == "flatquad measure solvers --quick"
+        assert {"wall_time_s", "date", "commit"} <= set(section)
     assert list(results["sections"]) == list(SECTIONS)
     assert all(section["rows"] for section in results["sections"].values())
 
@@ -46,8 +46,8 @@ def test_bounds_are_checked_and_never_above_a_flight(results):
     sections = {name: section["rows"] for name, section in results["sections"].items()}
     for row in [*sections["bounds"], *sections["goal_bounds"][:-1]]:
         assert row["checked"]
-        assert row["lower_bound_s"] < row["flown_s"]
-        assert row["gap"] == pytest.approx(row["flown_s"] / row["lower_bound_s"] - 1)
+        assert row["lower_bound_s"] < row["upper_bound_s"]
+        assert row["gap"] == pytest.approx(row["upper_bound_s"] / row["lower_bound_s"] - 1)
     assert [row["limits"] for row in sections["validity"]] == list(proofs.LIMITS)
     assert all(row["above_a_flight"] == 0 < row["goals"] for row in sections["validity"])
 
@@ -63,17 +63,17 @@ def test_only_the_true_flight_passes(results):
     assert passed == ["true"]
 
 
-def test_sections_join_a_file_of_the_same_kind_and_any_other_is_set_aside(tmp_path, capsys):
+def test_sections_join_a_file_of_the_same_kind_and_any_other_is_moved_aside(tmp_path, capsys):
     path = tmp_path / "solvers.json"
-    old, new = ({"schema": 1, "sections": {name: {"rows": []}}} for name in ("old", "new"))
-    assert joined(path, new) == new
+    old, new = ({**dict.fromkeys(SAME, 1), "sections": {name: {"rows": []}}} for name in ("old", "new"))
+    assert join(path, new) == new
     path.write_text(json.dumps(old))
-    assert list(joined(path, new)["sections"]) == ["old", "new"]
+    assert list(join(path, new)["sections"]) == ["old", "new"]
     for i, text in enumerate(['{"schema": 0, "sections": {}}', "[1, 2", "[]"]):
         path.write_text(text)
-        assert joined(path, new) == new
+        assert join(path, new) == new
         assert not path.exists()
-        assert "set aside" in capsys.readouterr().out
+        assert "moved aside" in capsys.readouterr().err
         assert len(list(tmp_path.glob("*set-aside*"))) == i + 1
 
 
@@ -85,10 +85,10 @@ def test_starts_are_counted(results):
     assert total["found_best"] <= total["converged"] <= total["starts"]
 
 
-def test_both_solvers_fly_the_same_flight(results):
-    ours, peer, load = results["sections"]["speed"]["rows"]
-    assert ours["time_s"] == pytest.approx(peer["time_s"], rel=1e-3)  # Runge-Kutta on ten steps is not exact
-    assert all(row["median_s"] > 0 for row in (ours, peer, load))
+def test_both_solvers_find_the_same_flight(results):
+    ours, rockit, load = results["sections"]["speed"]["rows"]
+    assert ours["time_s"] == pytest.approx(rockit["time_s"], rel=1e-3)  # Runge-Kutta on ten steps is not exact
+    assert all(row["median_s"] > 0 for row in (ours, rockit, load))
 
 
 def test_batches_are_counted(results):
@@ -103,12 +103,12 @@ def test_the_order_of_a_known_sequence_is_found():
     assert convergence_order(nodes, [3.0 / n**2 for n in nodes]) == pytest.approx(2)
 
 
-def test_goals_are_drawn_away_from_the_start():
-    goals = np.array([random_goal(np.random.default_rng(seed), 0).goal for seed in range(200)])
+def test_uniform_goals_are_away_from_the_start():
+    goals = np.array([uniform_goal(np.random.default_rng(seed), 0).goal for seed in range(200)])
     assert np.abs(goals).max() <= 10
     assert np.hypot(*goals.T).min() >= 0.5
 
 
-def test_the_peer_refuses_what_it_cannot_fly():
-    with pytest.raises(ValueError, match="hoops or heights"):
+def test_rockit_refuses_hoops():
+    with pytest.raises(ValueError, match="without hoops, floor and ceiling, got 'hoop'"):
         rockit_solver(SCENARIOS["hoop"], 10)

@@ -1,4 +1,4 @@
-"""The tables of learning say what the results say, with intervals, and flatter nobody."""
+"""The tables of the agents state the scores of the results, with their intervals."""
 
 import json
 from copy import deepcopy
@@ -8,18 +8,18 @@ import pytest
 from agents.evaluation.bootstrap import summary
 from experiments.benchmark.agents import NAMES
 from experiments.benchmark.formats import format_count, format_percent
-from experiments.benchmark.summary import flights, samples_to_target, summarise
+from experiments.benchmark.summary import episode_table, samples_to_target, summarise
 from experiments.publishing.demonstrations import demos
 from experiments.publishing.learner_figure import picture
-from experiments.publishing.learners import efficiency, learners
-from experiments.publishing.policies import carded, pretrained
+from experiments.publishing.learners import learners, median_samples
+from experiments.publishing.policies import current_configs, pretrained, score_cells
 
 CONDITIONS = {"nominal": {}, "wind": {"wind": 0.5}, "delay": {"action_delay": 1}, "combined": {"mass": 0.025}}
 K_STAR = {"hoop": [70, 70, 70, 70], "random-goal": [50, 60, 70, 80]}
 
 
 def cell(problem, agent, seed=0, steps=None, curve=(), **others):
-    """Return a cell as the study writes it; `steps` by condition, all others as calm ones."""
+    """Return a cell as the study writes it; `steps` by condition, all others as nominal ones."""
     steps = steps or {}
     flown = {name: {"steps": steps.get(name, steps.get("nominal", K_STAR[problem]))} for name in CONDITIONS}
     costs = {"env_steps": 0, "expert_labels": 0, "training_s": 0.0, "planning_s": 0.25, "date": "2001-02-03T04"}
@@ -70,14 +70,14 @@ def words(text):
 
 def test_every_agent_has_a_line_in_both_tables_in_the_order_of_names(results):
     text = learners(results)
-    wanted = [("`hoop`", name) for name in ("SAC", "DAgger", "expert", "tape of the expert")]
+    wanted = [("`hoop`", name) for name in ("SAC", "DAgger", "expert", "open-loop replay")]
     wanted += [("`random-goal`", name) for name in ("PPO", "cascaded PD")]
     for which in (0, 1):
         assert [tuple(line[:2]) for line in lines(text, which)] == wanted
 
 
 def test_scores_are_those_of_the_intervals_over_seeds_and_flights(results):
-    rows = flights(results)
+    rows = episode_table(results)
     ppo = rows[(rows["agent"] == "ppo") & (rows["condition"] == "nominal")]
     (wanted,) = summary(ppo).to_dict("records")
     found = summarise(results)["random-goal", "ppo", "nominal"]
@@ -90,44 +90,44 @@ def test_scores_are_those_of_the_intervals_over_seeds_and_flights(results):
 
 
 def test_gaps_are_to_each_flights_own_optimum(results):
-    rows = flights(results)
+    rows = episode_table(results)
     assert rows[rows["agent"] == "pd"]["gap"].tolist() == pytest.approx([0.4] * 4 * len(CONDITIONS))
     assert rows[rows["outcome"] == "failed"]["gap"].isna().all()
 
 
-def test_what_is_not_learnt_costs_nothing_and_what_never_succeeds_has_no_gap(results):
+def test_experts_have_no_training_cost_and_failed_agents_no_gap(results):
     table = {line[1]: line for line in lines(learners(results))}
     assert table["expert"][4:] == ["-"] * 4
     assert table["SAC"][2:4] == ["0 %", "-"]
     assert table["SAC"][-1] == "never"
 
 
-def test_feedback_beats_the_tape_only_where_its_interval_lies_above(results):
-    assert "On `hoop` the expert's feedback beats its tape under wind." in words(learners(results))
-    assert "A delay alone does nothing to a tape" in words(learners(results))
+def test_feedback_is_better_only_where_its_interval_lies_above(results):
+    assert "On `hoop` the expert's feedback is better than open-loop replay under wind." in words(learners(results))
+    assert "A pure delay does not affect open-loop replay" in words(learners(results))
     open_loop = next(one for one in results["cells"] if one["agent"] == "open-loop")
     open_loop["episodes"]["delay"]["steps"] = [None, 71, 71, 71]
     open_loop["episodes"]["wind"]["steps"] = [72, 72, 72, 72]
-    assert "beats its tape under none." in words(learners(results))
-    assert "A delay alone" not in words(learners(results))
+    assert "is better than open-loop replay under none." in words(learners(results))
+    assert "A pure delay" not in words(learners(results))
 
 
-def test_small_sizes_are_told(results):
+def test_small_sizes_are_stated(results):
     assert "numbers mean nothing" not in words(learners(results))
     assert "numbers mean nothing" in words(learners(results | {"smoke": True}))
 
 
-def test_learnt_is_what_is_reliable_and_near():
+def test_samples_are_counted_until_success_and_gap_reach_their_targets():
     curve = [point(75, 0.5, 1000, 5), point(80, 1.0, 2000, 5), point(76, 0.9, 3000, 5), point(70, 1.0, 4000, 5)]
     assert samples_to_target({"curve": curve}, 70.0) == 3005
-    assert efficiency([3005.0, float("nan"), 5005.0]) == "4.0 k (2/3)"
-    assert efficiency([float("nan")]) == "never"
+    assert median_samples([3005.0, float("nan"), 5005.0]) == "4.0 k (2/3)"
+    assert median_samples([float("nan")]) == "never"
 
 
 @pytest.mark.parametrize(
     ("rate", "text"), [(1, "100 %"), (0.9994, "99.9 %"), (0.875, "88 %"), (0.001, "0.1 %"), (0, "0 %")]
 )
-def test_only_what_is_whole_is_rounded_to_a_whole(rate, text):
+def test_only_exact_rates_are_0_or_100_percent(rate, text):
     assert format_percent(rate) == text
 
 
@@ -135,7 +135,7 @@ def test_amounts_have_units():
     assert [format_count(count) for count in (0, 4599, 1_500_000)] == ["-", "4.6 k", "1.50 M"]
 
 
-def test_the_picture_shows_every_agent_and_every_run_that_learnt(results):
+def test_the_figure_shows_every_agent_and_every_learning_curve(results):
     shown = picture(results)
     names = {trace.y[0] for trace in shown.data if trace.type == "bar"}
     assert names <= set(NAMES.values())
@@ -148,24 +148,28 @@ def test_the_picture_shows_every_agent_and_every_run_that_learnt(results):
     assert results == before
 
 
-def test_policies_stand_with_what_their_cards_say(tmp_path):
+def test_pretrained_policies_are_listed_with_score_and_command(tmp_path):
     score = {"algorithm": "DAgger", "success_rate": 1.0, "steps": 70.0, "k_star": 70, "gap": 0.0}
-    card = {"command": "make hoop", "score": score | {"env_steps": 12_988, "wall_time_s": 25.5}}
+    card = {"command": "flatquad pretrain hoop --seed 3", "seed": 3, "commit": "0123456789abcdef", "configs": []}
+    card |= {"score": score | {"env_steps": 12_988, "wall_time_s": 25.5}}
     (tmp_path / "hoop.json").write_text(json.dumps(card))
     (tmp_path / "hoop.zip").write_bytes(bytes(123_456))
     text = pretrained(tmp_path)
     assert lines(text) == [["`hoop`", "DAgger", "100 %", "70", "70", "+0.0 %", "13.0 k", "26", "123"]]
-    assert "- `hoop`: `run_cell hoop`" in text
-    failed = carded({"score": card["score"] | {"steps": None, "gap": None, "success_rate": 0.0}})
+    command = "- `hoop`: `flatquad pretrain hoop --seed 3`"
+    assert text.endswith(f"{command}, with the recipe of commit 0123456; today's recipe differs")
+    (tmp_path / "hoop.json").write_text(json.dumps(card | {"configs": current_configs("hoop", card)}))
+    assert pretrained(tmp_path).endswith(command)
+    failed = score_cells({"score": card["score"] | {"steps": None, "gap": None, "success_rate": 0.0}})
     assert failed[1:5] == ["0 %", "-", "70", "-"]
 
 
-def test_demonstrations_are_told_by_section():
+def test_demonstrations_have_a_line_for_each_section():
     row = {
         "what": "random-goal", "flights": 1000, "processes": 2, "per_second": 21.04, "proven": 0.0, "mean_steps": 70.31,
         "replayed_to_goal": 0.999, "bytes_per_flight": 9000.0,
     }  # fmt: skip
-    sections = {name: {"rows": [row], "date": "2001-02-03T04"} for name in ("random-goal", "continuations")}
+    sections = {name: {"rows": [row], "date": "2001-02-03T04"} for name in ("random-goal", "perturbed")}
     found = lines(demos({"sections": sections}))
     assert found[0] == ["`random-goal`", "1,000", "21.0", "0 %", "70.3", "99.9 %", "9.0"]
-    assert found[1][0] == "continuations, `random-goal`"
+    assert found[1][0] == "perturbed, `random-goal`"

@@ -97,17 +97,6 @@ def numbers(document):
 
 
 @pytest.fixture(scope="package")
-def browser(chromium):
-    """One browser for all tests."""
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=chromium)
-        yield running
-        running.close()
-
-
-@pytest.fixture(scope="package")
 def file(html, tmp_path_factory):
     """The page on disk."""
     path = tmp_path_factory.mktemp("report") / "report.html"

@@ -140,7 +140,7 @@ def test_nonnumeric_actions_are_rejected_without_a_step(action):
     assert env.step(np.zeros(2))[4]["steps"] == info["steps"] + 1
 
 
-# What is seen and told
+# Observations and infos
 
 
 @pytest.mark.parametrize("observation", ["features", "state"])
@@ -162,13 +162,13 @@ def test_the_observed_state_is_that_of_info(generator):
 
 def test_returned_values_do_not_change_later(generator):
     for env in (FlatQuadEnv("random-goal"), FlatQuadVectorEnv(3, "random-goal", autoreset_mode="SameStep")):
-        told = [env.reset(seed=0)]
+        reported = [env.reset(seed=0)]
         for _ in range(30):
-            told.append(env.step(generator.uniform(-1, 1, env.action_space.shape)))
-            if len(told) == 2:
-                copies = copy.deepcopy(told)
+            reported.append(env.step(generator.uniform(-1, 1, env.action_space.shape)))
+            if len(reported) == 2:
+                copies = copy.deepcopy(reported)
         env.reset()
-        for then, now in zip(copies, told, strict=False):
+        for then, now in zip(copies, reported, strict=False):
             for one, other in zip(then[:-1], now[:-1], strict=True):
                 np.testing.assert_array_equal(one, other)
             assert then[-1].keys() == now[-1].keys()
@@ -200,10 +200,10 @@ def test_a_copy_within_an_episode_continues_as_the_original(make, duplicate, gen
     twin = duplicate(env)
     for _ in range(5):
         actions = generator.uniform(-1, 1, env.action_space.shape)
-        (seen, *_, infos), (other, *_, told) = env.step(actions), twin.step(actions)
+        (seen, *_, infos), (other, *_, reported) = env.step(actions), twin.step(actions)
         np.testing.assert_array_equal(seen, other)
-        np.testing.assert_array_equal(infos["state"], told["state"])
-        assert make is FlatQuadEnv or not told["_state"].flags.writeable
+        np.testing.assert_array_equal(infos["state"], reported["state"])
+        assert make is FlatQuadEnv or not reported["_state"].flags.writeable
     np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
 
 

@@ -10,7 +10,8 @@ import pytest
 from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS, Disturbances, Hoop, Quadrotor, Scenario, Tolerance
 from flatgym.envs.compiled_fleet import CompiledFleet
 from flatgym.envs.config import EnvConfig, Starts
-from flatgym.envs.fleet import END, HOOPS_PASSED, OUTCOME, make_fleet
+from flatgym.envs.fleet import END, HOOPS_PASSED, OUTCOME
+from flatgym.envs.fleet_selection import make_fleet
 from flatgym.envs.numpy_fleet import NumpyFleet
 from flatgym.scenarios.catalogue import problem
 

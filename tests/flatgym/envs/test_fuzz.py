@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from flatgym import DISTRIBUTIONS, OUTCOMES, SCENARIOS, Distribution, Disturbances, Hoop, Quadrotor, Scenario, Tolerance
 from flatgym.envs.config import Starts
 from flatgym.envs.env import FlatQuadEnv
-from flatgym.envs.fleet import make_fleet
+from flatgym.envs.fleet_selection import make_fleet
 from flatgym.envs.numpy_fleet import NumpyFleet
 from flatgym.envs.vector import FlatQuadVectorEnv
 from flatgym.kernels import step

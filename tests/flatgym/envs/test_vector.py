@@ -132,11 +132,11 @@ def test_max_episode_steps_truncates():
 def test_k_star_is_that_of_the_episode_or_unknown(mode):
     goal, known = DISTRIBUTIONS["random-goal"], drawn_k_star("random-goal", EVALUATION_SEED + np.arange(2)).k_star
     envs = FlatQuadVectorEnv(2, scenario=goal, autoreset_mode=mode, max_episode_steps=1)
-    told = [envs.reset(seed=EVALUATION_SEED)[1], *(envs.step(np.zeros((2, 2)))[4] for _ in range(1))]
-    assert np.array_equal(told[0]["k_star"], known)
-    later = told[1]["final_info"] if mode == AutoresetMode.SAME_STEP else told[1]
+    reported = [envs.reset(seed=EVALUATION_SEED)[1], *(envs.step(np.zeros((2, 2)))[4] for _ in range(1))]
+    assert np.array_equal(reported[0]["k_star"], known)
+    later = reported[1]["final_info"] if mode == AutoresetMode.SAME_STEP else reported[1]
     assert np.array_equal(later["k_star"], known)
-    again = told[1] if mode == AutoresetMode.SAME_STEP else None
+    again = reported[1] if mode == AutoresetMode.SAME_STEP else None
     if mode == AutoresetMode.NEXT_STEP:
         again = envs.step(np.zeros((2, 2)))[4]
     if mode == AutoresetMode.DISABLED:
@@ -147,8 +147,8 @@ def test_k_star_is_that_of_the_episode_or_unknown(mode):
 def test_k_star_of_a_named_scenario_lasts_until_the_task_changes():
     envs = FlatQuadVectorEnv(3, scenario="hoop", autoreset_mode="SameStep", max_episode_steps=1)
     k_star = reference("hoop").k_star
-    for told in (envs.reset(seed=0)[1], envs.step(np.zeros((3, 2)))[4], envs.reset()[1]):
-        assert (told["k_star"] == k_star).all()
+    for reported in (envs.reset(seed=0)[1], envs.step(np.zeros((3, 2)))[4], envs.reset()[1]):
+        assert (reported["k_star"] == k_star).all()
     elsewhere = envs.reset(options={"state": [1, 0, 0, 0, 0], "reset_mask": np.arange(3) == 1})[1]["k_star"]
     assert np.array_equal(elsewhere, [k_star, np.nan, k_star], equal_nan=True)
     envs.set_tolerance(Tolerance(position=0.2))

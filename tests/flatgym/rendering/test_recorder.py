@@ -82,11 +82,11 @@ def test_each_episode_of_a_distribution_is_drawn_in_its_scenario():
 def test_k_star_is_shown_for_comparable_episodes_only():
     recorder = EpisodeRecorder(HOOP, "rgb_array", size=SIZE)
     information = infos(HOOP, [])[0]
-    told = recorded(recorder, HOOP, [])
+    reported = recorded(recorder, HOOP, [])
     disturbed = recorded(EpisodeRecorder(HOOP, "rgb_array", scored=False, size=SIZE), HOOP, [])
     recorder.start(HOOP, information | {"state": HOOP.start_state + 1e-9 * np.eye(5)[2]})
     assert np.array_equal(recorder.draw(), disturbed)
-    assert (told != disturbed).any()
+    assert (reported != disturbed).any()
     recorder.start(HOOP, information | {"hoops_passed": 1})
     ahead = recorder.draw()
     assert np.array_equal(ahead[:26, -60:], disturbed[:26, -60:])

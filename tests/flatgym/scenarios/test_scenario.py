@@ -65,7 +65,7 @@ def plain(**changes):
         (lambda: plain(dt=0.0), "dt must be positive, got 0.0"),
         (lambda: plain(dt=0.7), "dt must be below 2 pi / rate_max = 0.6283 s"),
         (lambda: plain(time_limit=0.001), "time_limit must be at least dt"),
-        (lambda: plain(goal=(0.05, 0.0)), "nothing is left to fly"),
+        (lambda: plain(goal=(0.05, 0.0)), "the start is already at the goal"),
         (lambda: plain(name=""), "name must be a non-empty string"),
         (lambda: plain(quadrotor=Quadrotor(thrust_max=9.0)), "cannot hover"),
         (lambda: plain(tolerance=0.1), "tolerance must be a Tolerance, got 0.1"),
