@@ -16,7 +16,6 @@ from experiments.files import Row
 from experiments.measurements.sections import Advance, in_parallel, uniform_goal
 from flatgym import SCENARIOS, Quadrotor, Scenario
 from optimal import prove
-from optimal.proof.branch_and_bound import windings
 from optimal.proof.lower_bound import Proof
 
 LIMITS = {
@@ -39,7 +38,7 @@ def proof_row(proof: Proof) -> Row:
         "gap": proof.gap,
         "verdict": proof.verdict.value,
         "branches": len(proof.excluded),
-        "windings": len(windings(proof.scenario, proof.tolerance, proof.time)),
+        "windings": len({branch.winding for branch, _ in proof.excluded}),
         "evaluations": proof.evaluations,
         "wall_time_s": proof.wall_time,
         "checked": proof.check(),

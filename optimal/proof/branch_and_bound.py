@@ -1,9 +1,8 @@
-"""Branch and bound for one time T: is every flight of duration T excluded?
+"""Branch and bound for one duration T: is every flight of duration T excluded?
 
-The roots of the search are the windings. A branch for which no excluding multipliers are found is halved, the hardest
-branch first. It is halved by the passing time of a hoop while the width of that interval is the obstacle: while the
-interval is wide, or while its midpoint alone can be excluded. Otherwise it is halved by the tilt, at the instant where
-this helps most. The branches and multipliers of an excluded time are the start for the next time.
+The search starts with one branch of all flights, with the tilt on a circle. A branch for which no excluding stages are
+found is branched into the windings, and then halved by the tilt, the hardest branch first, at the instant where this
+helps most. The branches and multipliers of an excluded duration are the start for the next one.
 """
 
 from __future__ import annotations
@@ -12,146 +11,134 @@ import heapq
 import math
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import count
 from typing import NamedTuple
 
-import numpy as np
-
 from flatgym.quadrotor import Array
-from flatgym.scenarios.scenario import Scenario, Tolerance
-from optimal.proof.branches import Branch, Interval
-from optimal.proof.bundle_method import MAX_EVALUATIONS, separate
-from optimal.proof.dual import Dual, hoop_kinks
-from optimal.proof.rounding import LEAST_LENGTH
-from optimal.proof.time_grid import TimeGrid
+from optimal.proof.branches import Branch
+from optimal.proof.bundle_method import MAX_EVALUATIONS
+from optimal.proof.stages import EXPENSIVE, Exclusion, Stage
+from optimal.proof.stations import Problem
 
 TILT_SHARES = (0.25, 0.5, 0.75)
 """Instants at which the tilt may be halved, as shares of T."""
-MIDPOINT_EVALUATIONS = 24
-"""Most evaluations of F to decide whether the midpoints of the passing intervals can be excluded."""
-KINK_FLOOR = 0.3
-"""Least weight of a hoop's kink in the choice of the interval to halve, as a share of the greatest kink. An interval
-costs its kink times its width, but the kink of a wide interval may be small because it is costly."""
-WIDE_INTERVAL = 1 / 32
-"""Passing intervals wider than this share of T are halved without a trial."""
+CIRCLE_EVALUATIONS, RELAXED_EVALUATIONS = 12, 6
+"""Most evaluations of F for the branch of all flights, and with hoops ignored that hardly matter."""
 
 
-class ExcludedBranch(NamedTuple):
-    """A branch, and multipliers that exclude it."""
+class Candidate(NamedTuple):
+    """A branch, and initial multipliers for it."""
 
     branch: Branch
     multipliers: Array
 
 
+class ExcludedBranch(NamedTuple):
+    """A branch, and the stages that exclude it."""
+
+    branch: Branch
+    stages: tuple[Stage, ...]
+
+
 class BranchBound(NamedTuple):
     """A branch, the best multipliers found for it, and the value of F; a negative value excludes the branch."""
 
-    candidate: ExcludedBranch
+    candidate: Candidate
     value: float
+    stages: tuple[Stage, ...]
 
 
-def windings(scenario: Scenario, tolerance: Tolerance | None, duration: float) -> range:
-    """Return the windings that can be flown within a duration [s]."""
-    slack = tolerance.angle if tolerance else 0.0
-    most = math.floor((scenario.quadrotor.rate_max * duration + slack) / (2 * math.pi)) + 1
+def windings(problem: Problem) -> range:
+    """Return the windings that can be flown within the duration of a problem."""
+    reach = problem.scenario.quadrotor.rate_max * problem.duration + problem.slack
+    most = math.floor(reach / (2 * math.pi)) + 1
     return range(-most, most + 1)
 
 
 @dataclass
 class BranchAndBound:
-    """A search for branches that cover all flights, and multipliers that exclude each of them.
+    """A search for branches that cover all flights, and stages that exclude each of them.
 
     Args:
-        scenario: the task.
-        tolerance: goal tolerance; None requires exact rest at the goal.
-        kinks: times at which the slope of q may jump at floor and ceiling, as shares of T.
-        branches: branches that cover all flights, and initial multipliers. After `exclude` returned True they are the
-            excluded branches with their multipliers.
+        candidates: branches that cover all flights, with initial multipliers.
+        active: the hoops that matter to the fastest known flight. The others are first ignored.
         deadline: when to stop, on the clock of `time.monotonic` [s].
     """
 
-    scenario: Scenario
-    tolerance: Tolerance | None
-    kinks: Sequence[float]
-    branches: Sequence[ExcludedBranch]
+    candidates: Sequence[Candidate]
+    active: tuple[int, ...]
     deadline: float
     evaluations: int = field(default=0, init=False)
 
-    def exclude(self, grid: TimeGrid) -> bool:
-        """Return whether all branches were excluded for the time of a grid before the deadline."""
-        excluded: list[ExcludedBranch] = []
-        queue: list[tuple[float, int, ExcludedBranch]] = []
-        untried, number = list(self.branches), count()
+    def exclude(self, problem: Problem, turn: int) -> list[ExcludedBranch] | None:
+        """Return excluded branches that cover all flights; None if the deadline passed before.
+
+        Args:
+            problem: the flights to exclude.
+            turn: least number of angles of a turn on the last grid.
+        """
+        excluded: list[BranchBound] = []
+        queue: list[tuple[float, int, Candidate]] = []
+        untried, number = list(self.candidates), count()
 
         def sort(bounds: Iterable[BranchBound]) -> None:
-            for candidate, value in bounds:
-                if value < 0:
-                    excluded.append(candidate)
+            for bound in bounds:
+                if bound.value < 0:
+                    excluded.append(bound)
                 else:
-                    heapq.heappush(queue, (-value, next(number), candidate))
+                    heapq.heappush(queue, (-bound.value, next(number), bound.candidate))
 
         while untried or queue:
             if time.monotonic() > self.deadline:
-                self.branches = [*excluded, *untried, *(candidate for _, _, candidate in queue)]
-                return False
+                return None
             if untried:
-                sort([self._bound(grid, untried.pop())])
+                sort([self._bound(problem, turn, untried.pop())])
             else:
-                sort(self._halves(grid, heapq.heappop(queue)[2]))
-        self.branches = excluded
-        return True
+                sort(self._parts(problem, turn, heapq.heappop(queue)[2]))
+        self.candidates = [bound.candidate for bound in excluded]
+        return [ExcludedBranch(bound.candidate.branch, bound.stages) for bound in excluded]
 
-    def _bound(self, grid: TimeGrid, candidate: ExcludedBranch, max_evaluations: int = MAX_EVALUATIONS) -> BranchBound:
-        """Search for multipliers that exclude a branch, from those of the candidate."""
+    def _bound(self, problem: Problem, turn: int, candidate: Candidate) -> BranchBound:
+        """Search for stages that exclude a branch, from the multipliers of the candidate."""
         branch, start = candidate
-        dual = Dual(self.scenario, grid, branch, self.tolerance, self.kinks)
-        if not dual.possible:
-            return BranchBound(candidate, -math.inf)
-        separation = separate(dual, start, max_evaluations)
-        self.evaluations += separation.evaluations
-        return BranchBound(ExcludedBranch(branch, separation.multipliers), separation.value)
+        search = Exclusion(problem, branch, start, turn, self.deadline)
+        if branch.winding is None:
+            search.limit = EXPENSIVE
+        if self.active != problem.hoops:
+            search.run(self.active, RELAXED_EVALUATIONS)
+        if not search.done:
+            search.multipliers = start
+            search.run(problem.hoops, CIRCLE_EVALUATIONS if branch.winding is None else MAX_EVALUATIONS)
+        self.evaluations += search.evaluations
+        return BranchBound(Candidate(branch, search.multipliers), search.value, tuple(search.stages))
 
-    def _halves(self, grid: TimeGrid, candidate: ExcludedBranch) -> list[BranchBound]:
-        """Return the bounds of the two halves of a branch."""
+    def _parts(self, problem: Problem, turn: int, candidate: Candidate) -> list[BranchBound]:
+        """Return the bounds of the parts of a branch."""
         branch, multipliers = candidate
-        hoop = self._hoop_to_halve(grid, candidate)
-        if hoop is not None:
-            return [self._bound(grid, ExcludedBranch(half, multipliers)) for half in branch.halve_passing(hoop)]
+        if branch.winding is None:
+            parts = [Branch(winding) for winding in windings(problem)]
+            return [self._bound(problem, turn, Candidate(part, multipliers)) for part in parts]
         best: list[BranchBound] = []
         for share in TILT_SHARES:
-            halves = branch.halve_tilt(share, self._reachable_tilts(grid, branch, share))
-            bounds = [self._bound(grid, ExcludedBranch(half, multipliers)) for half in halves]
+            halves = branch.halve_tilt(share, _reachable_tilts(problem, branch.winding, share))
+            bounds = [self._bound(problem, turn, Candidate(half, multipliers)) for half in halves]
             if not best or _difficulty(bounds) < _difficulty(best):
                 best = bounds
             if _difficulty(best) < (1, 0.0):
                 break
         return best
 
-    def _hoop_to_halve(self, grid: TimeGrid, candidate: ExcludedBranch) -> int | None:
-        """Return the hoop whose passing interval should be halved; None if that would not help."""
-        branch, start = candidate
-        if not branch.passing:
-            return None
-        widths = np.array([high - low for low, high in branch.passing])
-        kinks = np.hypot(*hoop_kinks(start, len(widths)).T)
-        costliest = int(np.argmax(widths * (kinks + KINK_FLOOR * kinks.max() + LEAST_LENGTH)))
-        if widths[costliest] > WIDE_INTERVAL:
-            return costliest
-        if widths[costliest] * grid.steps <= 1:
-            return None
-        midpoints = tuple(((low + high) / 2,) * 2 for low, high in branch.passing)
-        alone = ExcludedBranch(replace(branch, passing=midpoints), start)
-        return costliest if self._bound(grid, alone, MIDPOINT_EVALUATIONS).value < 0 else None
 
-    def _reachable_tilts(self, grid: TimeGrid, branch: Branch, share: float) -> Interval:
-        """Return the range of tilts that a flight of a branch can have at an instant, by the rate limit alone [rad]."""
-        before, after = (grid.rate_max * grid.time * part for part in (share, 1 - share))
-        slack, end = self.tolerance.angle if self.tolerance else 0.0, 2 * math.pi * branch.winding
-        return max(-before, end - slack - after), min(before, end + slack + after)
+def _reachable_tilts(problem: Problem, winding: int, share: float) -> tuple[float, float]:
+    """Return the range of tilts that a flight of a winding can have at an instant, by the rate limit alone [rad]."""
+    turned = problem.scenario.quadrotor.rate_max * problem.duration
+    end, slack = 2 * math.pi * winding, problem.slack
+    before, after = turned * share, turned * (1 - share)
+    return max(-before, end - slack - after), min(before, end + slack + after)
 
 
 def _difficulty(bounds: Sequence[BranchBound]) -> tuple[int, float]:
     """Return the number of branches that are not excluded, and the greatest F among them."""
-    left = [value for _, value in bounds if value >= 0]
+    left = [bound.value for bound in bounds if bound.value >= 0]
     return len(left), max(left, default=0.0)

@@ -1,8 +1,7 @@
-"""Branches of a proof: classes of flights by winding, passing times and tilts, and whether they cover all flights.
+"""Branches of a proof: classes of flights by winding and tilts, and whether they cover all flights.
 
-A flight of duration T belongs to a branch if it has the winding of the branch, passes each hoop within the interval of
-the branch, and has its tilt within the bounds of the branch at the given instants. Instants are shares of T, so that
-one set of branches serves any T. A grid rounds all of them in the same way.
+A flight of duration T belongs to a branch if it has the winding of the branch, and its tilt is within the bounds of the
+branch at the given instants. Instants are shares of T. A branch without a winding contains all flights.
 """
 
 from __future__ import annotations
@@ -11,8 +10,6 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
-
-Interval = tuple[float, float]
 
 
 class TiltInterval(NamedTuple):
@@ -28,23 +25,14 @@ class Branch:
     """A class of flights.
 
     Attributes:
-        winding: whole turns of the tilt between start and end.
-        passing: for each hoop, the interval of its passing time, as shares of T.
-        held: bounds of the tilt at some instants.
+        winding: whole turns of the tilt between start and end; None for any.
+        held: bounds of the tilt at some instants; none without a winding.
     """
 
-    winding: int
-    passing: tuple[Interval, ...] = ()
+    winding: int | None = None
     held: tuple[TiltInterval, ...] = ()
 
-    def halve_passing(self, hoop: int) -> list[Branch]:
-        """Return the two halves of the branch by the passing time of a hoop."""
-        return [
-            replace(self, passing=(*self.passing[:hoop], part, *self.passing[hoop + 1 :]))
-            for part in _halves(self.passing[hoop])
-        ]
-
-    def halve_tilt(self, share: float, reach: Interval) -> list[Branch]:
+    def halve_tilt(self, share: float, reach: tuple[float, float]) -> list[Branch]:
         """Return the two halves of the branch by the tilt at an instant.
 
         Args:
@@ -59,32 +47,25 @@ class Branch:
         return [replace(self, held=(*rest, TiltInterval(share, *part))) for part in ((low, middle), (middle, high))]
 
 
-def _halves(interval: Interval) -> tuple[Interval, Interval]:
-    """Return the two halves of an interval."""
-    low, high = interval
-    middle = (low + high) / 2
-    return (low, middle), (middle, high)
+Box = dict[float, tuple[float, float]]
+"""Intervals of the tilt by the share of T at which they hold."""
 
 
-Box = dict[tuple[str, float], Interval]
-"""Intervals by the quantity they bound: ("passing", hoop) or ("tilt", share)."""
-
-
-def covered(branches: Iterable[Branch], windows: Sequence[Interval]) -> bool:
-    """Return whether every flight of a winding belongs to one of its branches.
-
-    Args:
-        branches: all branches of one winding, however they were constructed.
-        windows: for each hoop, the interval that contains every possible passing time, as shares of T.
-    """
-    whole: Box = {("passing", i): window for i, window in enumerate(windows)}
-    return _covered([box for box in map(_box, branches) if _meets(box, whole)], whole)
+def covered(branches: Iterable[Branch], windings: Iterable[int]) -> bool:
+    """Return whether every flight with one of the windings belongs to one of the branches."""
+    branches = list(branches)
+    if any(branch.winding is None and not branch.held for branch in branches):
+        return True
+    return all(_covered([_box(branch) for branch in branches if branch.winding == winding], {}) for winding in windings)
 
 
 def _box(branch: Branch) -> Box:
-    """Return the intervals of a branch as a box."""
-    box: Box = {("passing", i): interval for i, interval in enumerate(branch.passing)}
-    return box | {("tilt", held.share): (held.low, held.high) for held in branch.held}
+    """Return the intervals of a branch as a box. Several bounds at one instant are intersected."""
+    box: Box = {}
+    for share, low, high in branch.held:
+        least, most = box.get(share, (-math.inf, math.inf))
+        box[share] = (max(low, least), min(high, most))
+    return box
 
 
 def _covered(boxes: Sequence[Box], whole: Box) -> bool:
@@ -94,11 +75,11 @@ def _covered(boxes: Sequence[Box], whole: Box) -> bool:
     """
     if not boxes:
         return False
-    for key, (low, high) in boxes[0].items():
-        least, most = whole.get(key, (-math.inf, math.inf))
+    for share, (low, high) in boxes[0].items():
+        least, most = whole.get(share, (-math.inf, math.inf))
         for end in (low, high):
             if least < end < most:
-                pieces = [whole | {key: (least, end)}, whole | {key: (end, most)}]
+                pieces = [whole | {share: (least, end)}, whole | {share: (end, most)}]
                 return all(_covered([box for box in boxes if _meets(box, piece)], piece) for piece in pieces)
     return True
 
@@ -106,6 +87,6 @@ def _covered(boxes: Sequence[Box], whole: Box) -> bool:
 def _meets(box: Box, piece: Box) -> bool:
     """Return whether a box and a piece intersect in more than their boundary."""
     return all(
-        max(low, piece.get(key, (-math.inf, math.inf))[0]) < min(high, piece.get(key, (-math.inf, math.inf))[1])
-        for key, (low, high) in box.items()
+        max(low, piece.get(share, (-math.inf, math.inf))[0]) < min(high, piece.get(share, (-math.inf, math.inf))[1])
+        for share, (low, high) in box.items()
     )

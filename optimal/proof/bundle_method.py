@@ -12,6 +12,8 @@ least-squares problem (Lawson and Hanson 1974). If the origin is such a combinat
 
 from __future__ import annotations
 
+import math
+import time
 from typing import NamedTuple
 
 import numpy as np
@@ -42,23 +44,26 @@ class Separation(NamedTuple):
     evaluations: int
 
 
-def separate(dual: Dual, start: Array, max_evaluations: int = MAX_EVALUATIONS) -> Separation:
+def separate(
+    dual: Dual, start: Array, max_evaluations: int = MAX_EVALUATIONS, deadline: float = math.inf
+) -> Separation:
     """Search for multipliers with F < 0.
 
     Args:
         dual: F.
         start: initial multipliers, nonzero, shape (dual.size,).
-        max_evaluations: most evaluations of F.
+        max_evaluations: most evaluations of F; at least one.
+        deadline: when to stop, on the clock of `time.monotonic` [s].
     """
     cone = np.eye(dual.size)[dual.signed].T
     slopes = np.zeros((dual.size, 0))
     point, best, centre, length, evaluations = start, np.inf, start, 1.0, 0
-    while evaluations < max_evaluations:
+    while evaluations < max_evaluations and (evaluations == 0 or time.monotonic() < deadline):
         evaluations += 1
         point = point / np.linalg.norm(point)
-        cuts = dual(point)
-        slopes = np.hstack([slopes, np.array([cut.slope for cut in cuts]).T])
-        value = max(cut.value + cut.rounding for cut in cuts)
+        cut = dual(point)
+        slopes = np.column_stack([slopes, cut.slope])
+        value = cut.value + cut.rounding
         length *= 2 if value < best else 0.5
         if value < best:
             best, centre = value, point

@@ -1,48 +1,32 @@
 """The dual of time-optimal flight: multipliers that exclude all flights of a given time.
 
-Position and velocity enter the dynamics linearly. Let the weight q(t) be piecewise linear, with slope jumps k_i at
-times s_i. For any flight that starts at rest, two integrations by parts give, with positions p relative to the start,
+F of `optimal.proof.chain` is convex and positively homogeneous in all multipliers. If F < 0 for one set of multipliers,
+no flight of the class takes the time of the grid. No flight takes less either, because it could hover first.
 
-    integral of q . a dt = q(T) . v(T) - q'(T) . p(T) + sum over i of k_i . p(s_i).
-
-A scenario restricts p(T), v(T) and p(s_i): by goal and tolerance, by the gap of a hoop passed at s_i, and by floor and
-ceiling at any s_i. These restrictions bound the right side from below by R(q), a support function. With D from start
-to goal,
-
-    R = -q'(T) . D - position |q'(T)| - speed |q(T)|
-        + sum over hoops (k . (centre - start) - gap |k . across|)
-        + sum over floor kinks (k_z >= 0) k_z floor + sum over ceiling kinks (k_z <= 0) k_z ceiling.
-
-`optimal.proof.tilt_program` bounds the left side from above by J(q). If F = J - R < 0 for one q, no flight takes the
-time T. No flight takes less either, because it could hover first. F is convex and positively homogeneous in all
-multipliers.
-
-Hoops. The passing time of a hoop is unknown, so one set of multipliers must exclude every passing time in an interval
-[a, b]. The weight for a passing time has its kink there and is otherwise the same. Outside [a, b] the weight is affine
-in the passing time, and R is concave in it. F is therefore at most the greater of its values at the two ends, plus a
-correction from inside [a, b]. There the weight equals the convex combination of the two end weights minus k times a
-nonnegative function of time. For the passing time s, the integral of this function is (b - s)(s - a)/2 <= (b - a)^2/8.
-The correction is at most (thrust_max |k| + g k_z) (b - a)^2/8. With several hoops F is bounded in this way in each
-passing time, so all combinations of ends are evaluated.
+Rounding. The magnitudes of the terms of one chain sum to at most B. Each term is off by at most 64 units in the last
+place of its magnitude: durations and angles are products of a few numbers, and a weight is a sum of multipliers times
+shares of at most 1. A sum of N terms is off by at most N units of B. The computed F is the value of the chain that is
+best in floating-point arithmetic, hence at least the computed value of the chain that is truly best. The bound is twice
+(N + ROUNDING_UNITS) units of B.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from flatgym.quadrotor import Array
-from flatgym.scenarios.scenario import Scenario, Tolerance
 from optimal.proof.branches import Branch
+from optimal.proof.chain import Chain, best_chain, best_through, best_values, first_rows, reverse_time
 from optimal.proof.rounding import LEAST_LENGTH, UNIT_ROUNDOFF
-from optimal.proof.tilt_program import TiltProgram
+from optimal.proof.stations import STEPS_APART, Interval, Problem, Stations, to_instants, to_times
+from optimal.proof.tilt_program import limits, tilts
 from optimal.proof.time_grid import TimeGrid
 
 ROUNDING_UNITS = 256
-"""Rounding error of R and of the weight, in units in the last place of the magnitudes of all their terms."""
+"""Rounding error of all terms but the sum over the samples, in units in the last place of their magnitudes."""
 
 
 class Cut(NamedTuple):
@@ -56,108 +40,224 @@ class Cut(NamedTuple):
     slope: Array
 
 
-class Dual:
-    """F of one scenario, grid and branch.
+class Evaluation(NamedTuple):
+    """F at some multipliers: its value, a bound of the rounding error, and the terms that all chains share."""
 
-    The multipliers y are, in this order and all in the unit of q: q(0); T q'(0); T k of each hoop (2 components each);
-    T |k_z| of the floor kinks and of the ceiling kinks; and the penalties of first and last tilt times
-    rate_max/thrust_max. Multipliers with an index in `signed` must be nonnegative.
+    value: float
+    rounding: float
+    shared: float
+
+
+class Dual:
+    """F of one problem, grid, branch, and windows of the passing times.
+
+    The multipliers y are, in this order and all in the unit of q: lambda of each station (2 components each); kappa of
+    the floor kinks and of the ceiling kinks; and the penalties of first and last tilt times rate_max/thrust_max.
+    Multipliers with an index in `signed` must be nonnegative.
 
     Args:
-        scenario: the task.
-        grid: instants and angles of the dynamic programme.
+        problem: the flights.
+        grid: instants and angles of the dynamic programme; at least as long as the flights.
         branch: the class of flights.
-        tolerance: goal tolerance; None requires exact rest at the goal.
-        kinks: times at which the slope of q may jump at floor and ceiling, as shares of T.
+        hoops: the hoops of the chain, ascending. The others are ignored.
+        windows: windows of the passing times of these hoops [s].
     """
 
     def __init__(
         self,
-        scenario: Scenario,
+        problem: Problem,
         grid: TimeGrid,
         branch: Branch,
-        tolerance: Tolerance | None = None,
-        kinks: Sequence[float] = (),
+        hoops: Sequence[int] = (),
+        windows: Sequence[Interval] = (),
     ) -> None:
-        self.quadrotor, self.grid = scenario.quadrotor, grid
-        self._program = TiltProgram(
-            scenario.quadrotor, grid, branch.winding, tolerance.angle if tolerance else 0.0, branch.held
-        )
-        self._share = np.arange(grid.steps + 1) / grid.steps
-        at = np.rint(np.array(kinks) * grid.steps) / grid.steps
-        limits = [(1.0, scenario.floor), (-1.0, scenario.ceiling)]
-        heights = [(sign, height - scenario.start[1]) for sign, height in limits if height is not None]
+        self.problem, self.grid, self.hoops = problem, grid, tuple(hoops)
+        scenario, steps = problem.scenario, grid.steps
+        self._limits = limits(scenario.quadrotor, grid)
+        self._tilts = tilts(grid, branch.winding, problem.slack, branch.held, problem.duration)
+        self._stations = Stations(problem, hoops)
+        self._least = self._stations.least_times(problem, grid)
+        self._windows = np.vstack([[[0, 0]], to_instants(windows, problem, grid), [[steps, steps]]])
+        at = np.rint(np.array(problem.kinks) * steps) / steps
+        heights = [(1.0, scenario.floor), (-1.0, scenario.ceiling)]
+        heights = [(sign, height - scenario.start[1]) for sign, height in heights if height is not None]
         self._signs = np.repeat([sign for sign, _ in heights], len(at))
-        self._bends = np.maximum(self._share[:, None] - np.tile(at, len(heights)), 0.0)
-        passing = np.array(branch.passing).reshape(-1, 2) * grid.steps
-        self._passing = np.column_stack([np.floor(passing[:, 0]), np.ceil(passing[:, 1])]) / grid.steps
-        self.vectors = 2 * (2 + len(scenario.hoops))
+        self._heights = np.repeat([height for _, height in heights], len(at))
+        self._bends = np.maximum(np.arange(steps + 1)[:, None] / steps - np.tile(at, len(heights)), 0.0)
+        self.vectors = 2 * (2 + len(self.hoops))
         self.size = self.vectors + len(self._signs) + 2
         self.signed = np.arange(self.vectors, self.size)
-        self._linear, self._norms = self._remainder(scenario, tolerance, np.repeat([h for _, h in heights], len(at)))
-        self._speed = tolerance.speed if tolerance else 0.0
-        # The weight is a sum of multipliers times shares of at most 1. Its terms may cancel, so their magnitudes count.
-        vehicle = scenario.quadrotor
-        self._size = np.abs(self._linear) + grid.time * (vehicle.thrust_max + vehicle.gravity)
-        for factor, matrix in self._norms:
-            self._size = self._size + factor * np.abs(matrix).sum(axis=0)
+        self._scale = scenario.quadrotor.thrust_max / scenario.quadrotor.rate_max
+        self._curvature = self._curvatures()
+        self._values: list[Array] = []
+
+    @property
+    def apart(self) -> bool:
+        """Whether the stations are far enough apart for the theorem of the chain on this grid."""
+        return len(self.hoops) == 0 or bool((self._least >= STEPS_APART * self.grid.dt).all())
 
     @property
     def possible(self) -> bool:
         """Whether the branch can contain a flight: turns take time, and hoops are passed in order."""
-        return self._program.possible and bool((self._passing[1:, 1] >= self._passing[:-1, 0]).all())
+        low, high = self._windows.T
+        return self._tilts.possible and bool((low <= high).all() and (np.maximum.accumulate(low)[:-1] < high[1:]).all())
 
-    def __call__(self, multipliers: Array) -> list[Cut]:
-        """Return F for each combination of ends of the passing intervals. The greatest value is the bound."""
-        return [self._cut(multipliers, np.array(times)) for times in product(*map(np.unique, self._passing))]
+    def evaluate(self, y: Array) -> Evaluation:
+        """Return F without its slope."""
+        chain, first = self._chain(y)
+        if not self._values:
+            shape = (int((chain.windows[:, 1] - chain.windows[:, 0] + 1).sum()), 2, len(self._tilts.sin))
+            self._values, self._choices = [np.empty(shape) for _ in (0, 1)], [np.empty(shape, np.int32) for _ in (0, 1)]
+        value = shared = self._shared(y, chain)
+        inside = slice(self._tilts.low[0], self._tilts.high[0] + 1)
+        for begin in (0, 1):
+            values, choices = self._values[begin], self._choices[begin]
+            best_values(begin, chain, self._tilts, self._limits, values, choices)
+            value += float((values[0, 0] - first)[inside].max()) / 2
+        return Evaluation(value, self._rounding(y), shared)
 
-    def _remainder(
-        self, scenario: Scenario, tolerance: Tolerance | None, heights: Array
-    ) -> tuple[Array, list[tuple[float, Array]]]:
-        """Return -R plus the corrections of the passing intervals, as l and (c, M): l . y + sum of c |M y|."""
-        duration, vehicle = self.grid.time, self.quadrotor
-        unit = np.eye(self.size)
-        end_slope = unit[2 : self.vectors].reshape(-1, 2, self.size).sum(axis=0)
-        end_slope[1, self.vectors : -2] = self._signs
-        linear = (np.array(scenario.goal) - scenario.start) @ end_slope / duration
-        linear[self.vectors : -2] -= self._signs * heights / duration
-        norms = [(tolerance.position / duration if tolerance else 0.0, end_slope)]
-        for i, hoop in enumerate(scenario.hoops):
-            kink = unit[4 + 2 * i : 6 + 2 * i]
-            linear -= (hoop.centre - scenario.start) @ kink / duration
-            norms.append((hoop.half_gap(vehicle.radius) / duration, hoop.across[None] @ kink))
-            inside = duration * float(np.diff(self._passing[i])[0]) ** 2 / 8
-            linear += vehicle.gravity * inside * kink[1]
-            norms.append((vehicle.thrust_max * inside, kink))
-        return linear, [(factor, matrix) for factor, matrix in norms if factor > 0]
+    def __call__(self, y: Array) -> Cut:
+        """Return F with a subgradient."""
+        found = self.evaluate(y)
+        chain, first = self._chain(y)
+        slope = self._shared_slope(chain)
+        if np.isfinite(found.value):
+            for begin in (0, 1):
+                self._add_slope(slope, begin, chain, first)
+        return Cut(found.value, found.rounding, slope)
 
-    def _cut(self, y: Array, times: Array) -> Cut:
-        """Return the cutting plane at y, for given passing times of the hoops as shares of T."""
-        scale = self.quadrotor.thrust_max / self.quadrotor.rate_max
-        basis = np.empty((len(self._share), 2 + len(times)))
-        basis[:, 0], basis[:, 1] = 1.0, self._share
-        np.maximum(self._share[:, None] - times, 0.0, out=basis[:, 2:])
-        weight = basis @ y[: self.vectors].reshape(-1, 2)
-        if self._signs.size:
-            weight[:, 1] += self._bends @ (self._signs * y[self.vectors : -2])
-        bound = self._program(weight, *(scale * y[-2:]))
-        slope, value = self._linear.copy(), bound.value + bound.interpolation + float(self._linear @ y)
-        for factor, matrix in self._norms:
-            vector = matrix @ y
-            length = float(np.hypot.reduce(vector))  # does not underflow
-            value += factor * length
-            slope += factor / max(length, LEAST_LENGTH) * (vector @ matrix)
-        end = np.array(weight[-1])
-        value += self._speed * float(np.hypot(*end))
-        by_weight = bound.slope.copy()
-        by_weight[-1] += self._speed / max(float(np.hypot(*end)), LEAST_LENGTH) * end
-        slope[: self.vectors] += (basis.T @ by_weight).ravel()
-        slope[self.vectors : -2] += self._signs * (self._bends.T @ by_weight[:, 1])
-        slope[-2:] += scale * bound.ends
-        size = np.abs(y) @ self._size
-        return Cut(value, bound.rounding + ROUNDING_UNITS * UNIT_ROUNDOFF * float(size), slope)
+    def prune(self, y: Array) -> list[Interval] | None:
+        """Return the windows without the time steps in which no flight passes [s]; None if no flight is left."""
+        found = self.evaluate(y)
+        if found.value + found.rounding < 0:
+            return None
+        chain, first = self._chain(y)
+        backward, backward_tilts = reverse_time(chain, self._tilts, first)
+        past, choices = np.empty_like(self._values[0]), self._choices[0]
+        total = np.full(len(past), found.shared + found.rounding)
+        for begin in (0, 1):
+            best_values(1 - begin, backward, backward_tilts, self._limits, past, choices)
+            total += best_through(chain, self._tilts, self._values[begin], backward, past) / 2
+        left = []
+        for row, (low, high) in zip(chain.rows[1:-1], chain.windows[1:-1], strict=True):
+            open_ends = total[row + low : row + high + 1] >= 0
+            cells = np.flatnonzero(open_ends[:-1] | open_ends[1:] if high > low else open_ends)
+            if not len(cells):
+                return None
+            left.append([low + cells[0], min(low + cells[-1] + 1, high)])
+        return to_times(np.array(left), self.problem, self.grid)
+
+    def _curvatures(self) -> Array:
+        """Return E_i / |w_i| by segment and difference of instants, shape (m+1, N+1)."""
+        dt, last = self.grid.dt, len(self._least) - 1
+        acceleration = self._limits.thrust_max + self._limits.gravity
+        found = np.zeros((last + 1, self.grid.steps + 1))
+        for i in range(last + 1) if last else ():
+            least = max(self._least[i] - 2 * dt, LEAST_LENGTH)
+            shortest = np.maximum((np.arange(self.grid.steps + 1) - 2) * dt, least)
+            with np.errstate(over="ignore", divide="ignore"):
+                terms = acceleration / shortest + self._stations.far[i] / shortest**3
+            found[i] = ((i > 0) + (i < last)) * terms * dt**2 / 4
+        return found
+
+    def _chain(self, y: Array) -> tuple[Chain, Array]:
+        """Return the terms of all chains, and the penalty of the first tilt by position."""
+        kappa = self._signs * y[self.vectors : -2]
+        common = np.zeros((self.grid.steps + 1, 2))
+        if len(kappa):
+            common[:, 1] = self._bends @ kappa
+        d = self.grid.angle
+        chain = Chain(
+            weights=y[: self.vectors].reshape(-1, 2).copy(),
+            common=common,
+            windows=self._windows,
+            rows=first_rows(self._windows),
+            places=self._stations.places,
+            curvature=self._curvature,
+            goal=len(self.hoops),
+            position=self.problem.position,
+            tail=float(kappa.sum()) / self._duration,
+            final=self._scale * y[-1] * d * self._tilts.last,
+        )
+        return chain, self._scale * y[-2] * d * self._tilts.first
+
+    @property
+    def _duration(self) -> float:
+        return self.grid.steps * self.grid.dt
+
+    @property
+    def _penalty_ends(self) -> Array:
+        """Derivatives of the shared terms with respect to the penalties."""
+        return self._scale * np.array([self.grid.angle / 2, self.problem.slack + self.grid.angle / 2])
+
+    def _shared(self, y: Array, chain: Chain) -> float:
+        """Return the terms that all chains share."""
+        kappa, end = self._signs * y[self.vectors : -2], chain.weights[-1] + chain.common[-1]
+        heights = float(kappa @ (chain.places[-1, 0, 1] - self._heights)) / self._duration
+        return heights + self.problem.speed * float(np.hypot(*end)) + float(self._penalty_ends @ y[-2:])
+
+    def _shared_slope(self, chain: Chain) -> Array:
+        """Return a subgradient of the terms that all chains share."""
+        slope, end = np.zeros(self.size), chain.weights[-1] + chain.common[-1]
+        push = self.problem.speed * _unit(end)
+        slope[self.vectors - 2 : self.vectors] = push
+        heights = (chain.places[-1, 0, 1] - self._heights) / self._duration
+        slope[self.vectors : -2] = self._signs * (self._bends[-1] * push[1] + heights)
+        slope[-2:] = self._penalty_ends
+        return slope
+
+    def _add_slope(self, slope: Array, begin: int, chain: Chain, first: Array) -> None:
+        """Add half of the derivative of the value of the best chain of one programme."""
+        tables, limit = self._tilts, self._limits
+        row = self._values[begin][0, 0] - first
+        start = int(tables.low[0] + np.argmax(row[tables.low[0] : tables.high[0] + 1]))
+        values, choices = self._values[begin], self._choices[begin]
+        passing, ends, path = best_chain(begin, chain, tables, limit, values, choices, start)
+        k = np.arange(self.grid.steps)
+        segment = np.searchsorted(passing[1:], k, side="right")
+        left = passing[segment]
+        share = ((k + begin - left) / (passing[segment + 1] - left))[:, None]
+        weight = chain.weights[segment] * (1 - share) + chain.weights[segment + 1] * share + chain.common[k + begin]
+        up = np.stack([tables.sin[path], tables.cos[path]], axis=-1)
+        thrust = np.where((weight * up).sum(axis=1) > 0, limit.thrust_max, limit.thrust_min)[:, None]
+        length = np.maximum(np.hypot(*weight.T), LEAST_LENGTH)[:, None]
+        reward = limit.dt / 2 * (thrust * up - [0.0, limit.gravity] + limit.bulge * weight / length)
+        by_weight = np.zeros((len(chain.weights), 2))
+        np.add.at(by_weight, segment, reward * (1 - share))
+        np.add.at(by_weight, segment + 1, reward * share)
+        tail = 0.0
+        for i in range(len(passing) - 1):
+            duration = (passing[i + 1] - passing[i]) * limit.dt
+            jump = chain.weights[i + 1] - chain.weights[i]
+            way = (chain.places[i + 1, ends[i + 1]] - chain.places[i, ends[i]]) / duration
+            way += chain.curvature[i, passing[i + 1] - passing[i]] * _unit(jump)
+            if i == chain.goal:
+                disc = chain.position * _unit(jump / duration + [0.0, chain.tail])
+                way += disc / duration
+                tail = disc[1] / self._duration / 2
+            by_weight[i + 1] += way / 2
+            by_weight[i] -= way / 2
+        slope[: self.vectors] += by_weight.ravel()
+        slope[self.vectors : -2] += self._signs * (self._bends[k + begin].T @ reward[:, 1] + tail)
+        slope[-2:] -= self._scale * self.grid.angle / 2 * np.array([tables.first[start], tables.last[path[-1]]])
+
+    def _rounding(self, y: Array) -> float:
+        """Return a bound of the rounding error of F."""
+        weights, kappa = np.abs(y[: self.vectors]).reshape(-1, 2).sum(axis=1), float(np.abs(y[self.vectors : -2]).sum())
+        limit, dt, stations = self._limits, self.grid.dt, self._stations
+        size = 2 * self._duration * (limit.thrust_max + limit.gravity + limit.bulge) * (float(weights.max()) + kappa)
+        size += self.problem.speed * (float(weights[-1]) + kappa)
+        tables, penalty = self._tilts, self._scale * np.abs(y[-2:]).sum()
+        size += penalty * (self.grid.angle * (tables.first.max() + tables.last.max() + 2) + self.problem.slack)
+        least = np.maximum((self._windows[1:, 0] - self._windows[:-1, 1]) * dt, dt)
+        reach = stations.size[:-1] + stations.size[1:] + self.problem.position
+        jumps = weights[1:] + weights[:-1]
+        size += float((jumps * (reach / least + self._curvature.max(axis=1))).sum())
+        heights = np.abs(self._heights).max(initial=0.0) + 2 * stations.size[-1] + self.problem.position
+        size += kappa * heights / self._duration
+        return float(2 * (self.grid.steps + ROUNDING_UNITS) * UNIT_ROUNDOFF * size)
 
 
-def hoop_kinks(multipliers: Array, hoops: int) -> Array:
-    """Return T k of each hoop, shape (H, 2), from the multipliers of a `Dual`."""
-    return multipliers[4 : 4 + 2 * hoops].reshape(-1, 2)
+def _unit(vector: Array) -> Array:
+    """Return a vector divided by its length; zero for zero."""
+    return np.asarray(vector / max(float(np.hypot(*vector)), LEAST_LENGTH))

@@ -49,16 +49,28 @@ def multipliers(scenario: Scenario, shot: ShootingSolution, kinks: Sequence[floa
         kinks: times at which the slope of q may jump at floor and ceiling, as shares of T.
     """
     costates, breakpoints = shot.costates, shot.trajectory.breakpoints
-    slopes, duration = -costates[:, 0:2] * breakpoints[-1], breakpoints[-1]
-    crossings = np.cumsum(shot.steps)[:-1]
-    begin = costates[0, 2:4] - slopes[0] * breakpoints[1] / duration
-    hoops = slopes[crossings] - slopes[crossings - 1]
+    duration, crossings = breakpoints[-1], np.cumsum(shot.steps)[:-1]
     jumps, shares = active_heights(shot), breakpoints[1:] / duration
-    bends = []
+    bends, signs = [], []
     for sign, height in ((1.0, scenario.floor), (-1.0, scenario.ceiling)):
         strength = np.zeros(len(kinks) if height is not None else 0)
         for k in np.flatnonzero(jumps) if strength.size else ():
             strength[np.argmin(np.abs(kinks - shares[k]))] += max(0.0, -sign * jumps[k] * duration)
         bends.append(strength)
+        signs.append(sign * strength)
+    begin = costates[0, 2:4] + costates[0, 0:2] * breakpoints[1]
+    stations = np.array([begin, *costates[crossings - 1, 2:4], costates[-1, 2:4]])
+    # The kinks are not part of lambda.
+    passing = np.array([0.0, *shares[crossings - 1], 1.0])
+    for strength in signs:
+        if strength.size:
+            stations[:, 1] -= np.maximum(passing[:, None] - np.array(kinks), 0.0) @ strength
     penalties = np.abs(costates[[0, -1], 4]) * scenario.quadrotor.rate_max / scenario.quadrotor.thrust_max
-    return np.concatenate([begin, slopes[0], hoops.ravel(), *bends, penalties])
+    return np.concatenate([stations.ravel(), *bends, penalties])
+
+
+def active_hoops(shot: ShootingSolution) -> tuple[int, ...]:
+    """Return the hoops at which the position costate jumps: the others hardly matter to the flight time."""
+    slopes, crossings = shot.costates[:, 0:2], np.cumsum(shot.steps)[:-1]
+    jumps = np.hypot(*(slopes[crossings] - slopes[crossings - 1]).T)
+    return tuple(np.flatnonzero(jumps > ACTIVE_JUMP * np.abs(slopes).max()).tolist())

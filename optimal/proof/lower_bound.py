@@ -11,27 +11,28 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
+from pathlib import Path
 
-from flatgym.quadrotor import Array
 from flatgym.scenarios.catalogue import ScenarioLike, scenario
 from flatgym.scenarios.scenario import Scenario, Tolerance
 from optimal.direct.feasibility import beyond_horizon, infeasibility_proof, infeasibility_suspect
 from optimal.direct.multistart import search
 from optimal.direct.shooting import ShootingSolution
-from optimal.flights.projection_bound import passing_windows, projection_bound
-from optimal.proof.branch_and_bound import BranchAndBound, ExcludedBranch, windings
+from optimal.flights.projection_bound import projection_bound
+from optimal.proof import files
+from optimal.proof.branch_and_bound import BranchAndBound, Candidate, ExcludedBranch, windings
 from optimal.proof.branches import Branch, covered
-from optimal.proof.dual import Dual
-from optimal.proof.initial_multipliers import kink_shares, multipliers
-from optimal.proof.tilt_program import compile_kernels
-from optimal.proof.time_grid import TimeGrid, angles_for, time_grid
+from optimal.proof.initial_multipliers import active_hoops, kink_shares, multipliers
+from optimal.proof.stages import compile_kernels, excluded
+from optimal.proof.stations import Problem
+from optimal.proof.time_grid import angles_for, time_grid
 
 MAX_GAP, TIME_BUDGET = 1e-3, 60.0
 """Requested relative gap between the bound and the fastest known flight, and wall time allowed for it [s]."""
-LARGEST_GAP = 10.0
-"""Upper limit of the first gap of a proof, where the projection bound gives none."""
+LARGEST_GAP, GAP_STEP = 10.0, 4.0
+"""Upper limit of the first gap of a proof, where the projection bound gives none, and ratio of consecutive gaps."""
 
 
 class Verdict(StrEnum):
@@ -61,8 +62,8 @@ class Proof:
         flown: the time of the fastest known flight [s]; inf if none is known.
         verdict: how the proof ended, a sentence.
         reason: why no flight is known or none exists; else empty.
-        grid: instants and angles of the dynamic programme; None if `time` is the projection bound.
-        excluded: branches that cover all flights, and the multipliers that exclude them.
+        excluded: branches that cover all flights, and the stages that exclude them; none if `time` is the projection
+            bound.
         kinks: times at which the slope of q may jump at floor and ceiling, as shares of T.
         evaluations: number of evaluations of F.
         wall_time: wall time of the proof [s].
@@ -74,7 +75,6 @@ class Proof:
     flown: float
     verdict: Verdict
     reason: str = ""
-    grid: TimeGrid | None = None
     excluded: tuple[ExcludedBranch, ...] = ()
     kinks: tuple[float, ...] = ()
     evaluations: int = 0
@@ -90,25 +90,32 @@ class Proof:
 
         A proof without branches holds if `time` is at most the recomputed projection bound.
         """
-        if self.grid is None:
+        if not self.excluded:
             least = math.inf if infeasibility_proof(self.scenario) else projection_bound(self.scenario, self.tolerance)
             return self.time <= least
-        if self.grid.rate_max != self.scenario.quadrotor.rate_max:
+        if not 0 < self.time < math.inf:
             return False
-        windows = passing_windows(self.scenario, self.flown, self.tolerance)
-        for winding in windings(self.scenario, self.tolerance, self.grid.time):
-            branches = [branch for branch, _ in self.excluded if branch.winding == winding]
-            if not covered(branches, windows):
-                return False
-        return self.time <= self.grid.time <= self.flown and all(self._excludes(*each) for each in self.excluded)
+        problem = Problem(self.scenario, self.tolerance, self.time, self.kinks)
+        if not covered((branch for branch, _ in self.excluded), windings(problem)):
+            return False
+        return all(excluded(problem, *each) for each in self.excluded)
 
-    def _excludes(self, branch: Branch, multipliers: Array) -> bool:
-        """Return whether multipliers exclude a branch for the time of the grid."""
-        assert self.grid is not None
-        dual = Dual(self.scenario, self.grid, branch, self.tolerance, self.kinks)
-        if (multipliers[dual.signed] < 0).any():
-            return False
-        return not dual.possible or max(cut.value + cut.rounding for cut in dual(multipliers)) < 0
+    def save(self, path: str | Path) -> Path:
+        """Write the proof as JSON with exact numbers, and return the path of its file."""
+        return files.write(path, {field.name: getattr(self, field.name) for field in fields(self)})
+
+    @classmethod
+    def load(cls, path: str | Path) -> Proof:
+        """Return the proof of a file. It is not checked.
+
+        Raises:
+            ValueError: for a file that is not a proof.
+        """
+        values = files.decode(Path(path).read_text(encoding="utf-8"))
+        try:
+            return cls(**values | {"verdict": Verdict[values["verdict"]]})
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"not a proof: {error}") from None
 
 
 def prove(
@@ -165,45 +172,46 @@ def prove_near(
     flown = shot.trajectory.duration
     simple = projection_bound(target, tolerance)
     gaps = [max_gap]
-    while gaps[0] < LARGEST_GAP and flown / (1 + 2 * gaps[0]) > simple:
-        gaps.insert(0, 2 * gaps[0])
-    grids = [time_grid(flown / (1 + gap), target.quadrotor.rate_max, turn=angles_for(gap)) for gap in gaps]
-    return raise_bound(target, shot, flown, tolerance, grids, time_budget)
+    while gaps[0] < LARGEST_GAP and flown / (1 + GAP_STEP * gaps[0]) > simple:
+        gaps.insert(0, GAP_STEP * gaps[0])
+    return raise_bound(target, shot, tolerance, [(flown / (1 + gap), gap) for gap in gaps], time_budget)
 
 
 def raise_bound(
     target: Scenario,
     shot: ShootingSolution,
-    flown: float,
     tolerance: Tolerance | None,
-    grids: Iterable[TimeGrid],
+    durations: Iterable[tuple[float, float]],
     budget: float,
+    flown: float | None = None,
 ) -> Proof:
-    """Exclude the times of grids in increasing order, until one cannot be excluded within the budget.
+    """Exclude durations in increasing order, until one cannot be excluded within the budget.
 
     Args:
         target: the task.
         shot: its direct solution, for the initial multipliers.
-        flown: the time of the fastest known flight [s].
         tolerance: goal tolerance; None requires exact rest at the goal.
-        grids: the grids.
+        durations: the durations [s], each with the relative gap that sets the angles of its grid.
         budget: wall time [s].
+        flown: the time of the fastest known flight [s]; by default that of the direct solution.
     """
     compile_kernels()
     begun = time.monotonic()
-    kinks = kink_shares(target, shot)
-    start = multipliers(target, shot, kinks)
-    windows = tuple(passing_windows(target, flown, tolerance))
-    roots = [ExcludedBranch(Branch(winding, windows), start) for winding in windings(target, tolerance, flown)]
-    search_tree = BranchAndBound(target, tolerance, kinks, roots, begun + budget)
-    proof = Proof(target, tolerance, projection_bound(target, tolerance), flown, Verdict.CLOSED)
-    for grid in grids:
-        # The windows of the passing times are valid for flights that take no longer than `flown`.
-        if grid.time > flown or not search_tree.exclude(grid):
+    kinks, rate = kink_shares(target, shot), target.quadrotor.rate_max
+    root = Candidate(Branch(), multipliers(target, shot, kinks))
+    search_tree = BranchAndBound([root], active_hoops(shot), begun + budget)
+    simple, flown = projection_bound(target, tolerance), shot.trajectory.duration if flown is None else flown
+    proof = Proof(target, tolerance, simple, flown, Verdict.CLOSED, kinks=kinks)
+    for duration, gap in durations:
+        turn = angles_for(gap)
+        # The last grid sets the duration, so that no time is left between both.
+        problem = Problem(target, tolerance, time_grid(duration, rate, turn=turn).time, kinks)
+        found = search_tree.exclude(problem, turn)
+        if found is None:
             proof = replace(proof, verdict=Verdict.BUDGET_SPENT)
             break
-        if grid.time > proof.time:
-            proof = replace(proof, time=grid.time, grid=grid, excluded=tuple(search_tree.branches), kinks=kinks)
+        if problem.duration > proof.time:
+            proof = replace(proof, time=problem.duration, excluded=tuple(found))
     return replace(proof, evaluations=search_tree.evaluations, wall_time=time.monotonic() - begun)
 
 

@@ -13,8 +13,7 @@ from flatgym.scenarios.scenario import Scenario, Tolerance
 from flatgym.task.transition import CONTACT_SLACK
 from optimal.direct.shooting import ShootingSolution, solve_winding
 from optimal.flights.projection_bound import projection_bound
-from optimal.proof.lower_bound import MAX_GAP, TIME_BUDGET, Proof, Verdict, raise_bound, require_positive
-from optimal.proof.time_grid import angles_for, time_grid
+from optimal.proof.lower_bound import GAP_STEP, MAX_GAP, TIME_BUDGET, Proof, Verdict, raise_bound, require_positive
 
 ROUNDING_MARGIN = 1e-9
 """Margin by which a task is relaxed to include the rounding of an environment [m, m/s, rad]."""
@@ -39,17 +38,14 @@ def prove_steps(target: Scenario, shot: ShootingSolution, steps: int, time_budge
     free = solve_winding(relaxed, shot.winding, tolerant=True)
     faster = free.converged and free.trajectory.duration <= one_less * (1 + ROUNDING_MARGIN)
     last = free.trajectory.duration / (1 + MAX_GAP) if faster else one_less
-    simple, fewer, times = projection_bound(relaxed, relaxed.tolerance), 2, [last]
-    while (steps - fewer) * target.dt > simple:
-        if (steps - fewer) * target.dt < last:
-            times.insert(0, (steps - fewer) * target.dt)
-        fewer *= 2
-    turns = [angles_for(steps * target.dt / value - 1) for value in times[:-1]] + [angles_for(MAX_GAP)]
-    rate = target.quadrotor.rate_max
-    grids = [
-        time_grid(value * (1 + ROUNDING_MARGIN), rate, turn=turn) for value, turn in zip(times, turns, strict=True)
-    ]
-    proof = raise_bound(relaxed, shot, steps * target.dt, relaxed.tolerance, grids, time_budget)
+    simple, fewer, times = projection_bound(relaxed, relaxed.tolerance), 1 + GAP_STEP, [last]
+    while (less := (steps - fewer) * target.dt) > simple:
+        if less < last:
+            times.insert(0, less)
+        fewer = 1 + GAP_STEP * (fewer - 1)
+    gaps = [*(steps * target.dt / value - 1 for value in times[:-1]), MAX_GAP]
+    durations = [(value * (1 + ROUNDING_MARGIN), gap) for value, gap in zip(times, gaps, strict=True)]
+    proof = raise_bound(relaxed, shot, relaxed.tolerance, durations, time_budget, steps * target.dt)
     return replace(proof, verdict=Verdict.ONE_STEP_SHORT) if faster and proof.verdict is Verdict.CLOSED else proof
 
 

@@ -8,11 +8,11 @@ Theorem. Let t_k = k dt for k = 0..N, T = N dt, and let q be linear between thes
 2 pi / turn be the angle between grid angles, and let first, last >= 0 be penalties. Consider any tilt with
 theta(0) = 0, |theta'| <= rate_max and theta(T) within `slack` of 2 pi winding, and any thrust within its limits. Then
 
-    integral of q . a dt  <=  (M_0 + M_1)/2 + first d/2 + last (slack + d/2) + I,
+    integral of q . a dt  <=  (M_0 + M_1)/2 + first d/2 + last (slack + d/2),
 
-    M_j = max of  sum over k = 0..N-1 of dt r(t_(k+j), theta_k) - first |theta_0| - last |theta_(N-1) - 2 pi winding|
-          over all sequences theta_0, ..., theta_(N-1) of multiples of d with |theta_k - theta_(k-1)| <= d,
-    I   = d^2/8 sum over k of dt thrust_max |q(t_k)|, averaged over both sums as the M_j are.
+    M_j = max of  sum over k = 0..N-1 of dt (r(t_(k+j), theta_k) + d^2/8 thrust_max |q(t_(k+j))|)
+                  - first |theta_0| - last |theta_(N-1) - 2 pi winding|
+          over all sequences theta_0, ..., theta_(N-1) of multiples of d with |theta_k - theta_(k-1)| <= d.
 
 Proof.
 
@@ -25,29 +25,29 @@ The averages over u of first rate_max u and of last (slack + rate_max (dt - u)) 
 
 Step 2 (convexity). For a fixed sequence each sum is convex in u, because q is linear in u and r is convex in q. The
 maximum S(u) over sequences is convex too. The average of a convex function is at most the mean of its two end values.
-This is the stated bound, with the maxima taken over all real sequences instead of multiples of d.
+This is the stated bound without d^2/8 thrust_max |q|, with the maxima taken over all real sequences.
 
 Step 3 (grid). Let V be linear between multiples of d. For theta between two neighbouring multiples, the maximum of V
 over the window [theta - d, theta + d] is the greatest of two linear functions and a constant. It is convex, hence at
 most the chord between its values at the two multiples. The reward r is at most its own chord plus
 d^2/8 thrust_max |q|, because it is the greater of two functions whose second derivatives are at least
--thrust_max |q|. The penalties are linear between multiples. By induction backwards in k, the programme on multiples
-of d plus I bounds the programme on all angles.
+-thrust_max |q|. The penalties are concave or linear between multiples. By induction backwards in k, the programme on
+multiples of d bounds the programme on all angles.
 
-Step 4 (rounding). The magnitudes of all added terms sum to at most B = sum of dt (thrust_max + g) (|q_x| + |q_z|) +
-(first + last) times the range of angles. A reward is off by at most 32 units in the last place of its magnitude: 4 from
-the weight, 14 from the angle of the table, 2 from the sine, the rest from products and sums. A sum of N terms is off by
-at most N units of B. `rounding` is twice the total.
+Circle. For the tilt modulo a whole turn, with distances on the circle, all steps hold unchanged. One programme then
+bounds the flights of all windings.
 
-Held tilts. A branch of a proof may hold the tilt within bounds at some instants. The sequences are then held within
-bounds that are wider by one d, because they are sampled up to dt before or after the instant.
+Held tilts. A branch of a proof may hold the tilt within bounds at some instant, not necessarily one of the grid. The
+sequences are then held within bounds that are wider by d for each dt between the sample and the instant.
+
+Rounding is bounded by `optimal.proof.dual`. A reward is off by at most 32 units in the last place of its magnitude: 8
+from the weight, 10 from the angle of the table, 2 from the sine, the rest from products and sums.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numba
@@ -56,165 +56,153 @@ from numpy.typing import NDArray
 
 from flatgym.quadrotor import Array, Quadrotor
 from optimal.proof.branches import TiltInterval
-from optimal.proof.rounding import LEAST_LENGTH, UNIT_ROUNDOFF
-from optimal.proof.time_grid import LEAST_STEPS, TimeGrid
+from optimal.proof.rounding import TIME_MARGIN
+from optimal.proof.time_grid import TimeGrid
+
+Integers = NDArray[np.int64]
 
 
-class TiltBound(NamedTuple):
-    """The bound of `TiltProgram`: integral of q . a dt <= value + interpolation + rounding.
+class Tilts(NamedTuple):
+    """The tilts of all samples, as positions in tables that have one spare entry at each end.
 
     Attributes:
-        value: (M_0 + M_1)/2 + first d/2 + last (slack + d/2).
-        interpolation: I.
-        rounding: bound of the rounding error.
-        slope: a subgradient of value + interpolation with respect to q, shape (N+1, 2): dt a of the maximising
-            sequences, averaged over both, plus the subgradient of the interpolation.
-        ends: the derivatives with respect to first and last [rad], shape (2,).
+        low, high: first and last position of sample k, shape (N,).
+        circular: whether the tables are one whole turn, closed to a circle.
+        sin, cos: sine and cosine by position.
+        first, last: distance to 0 and to the winding by position, as multiples of d.
     """
 
-    value: float
-    interpolation: float
-    rounding: float
-    slope: Array
-    ends: Array
+    low: Integers
+    high: Integers
+    circular: bool
+    sin: Array
+    cos: Array
+    first: Array
+    last: Array
+
+    @property
+    def possible(self) -> bool:
+        """Whether every sample has a tilt: whole turns take time."""
+        return bool((self.low <= self.high).all())
 
 
-class TiltProgram:
-    """The dynamic programme of one vehicle, grid and winding, for any weight.
+class Limits(NamedTuple):
+    """Limits of the vehicle and step of the grid, for the kernels.
+
+    Attributes:
+        thrust_min, thrust_max, gravity: of the vehicle [m/s^2].
+        dt: time step [s].
+        bulge: d^2/8 thrust_max, the interpolation error for a weight of length 1 [m/s^2].
+    """
+
+    thrust_min: float
+    thrust_max: float
+    gravity: float
+    dt: float
+    bulge: float
+
+
+def limits(quadrotor: Quadrotor, grid: TimeGrid) -> Limits:
+    """Return the limits of a vehicle on a grid."""
+    bulge = grid.angle**2 / 8 * quadrotor.thrust_max
+    return Limits(quadrotor.thrust_min, quadrotor.thrust_max, quadrotor.gravity, grid.dt, bulge)
+
+
+def tilts(
+    grid: TimeGrid,
+    winding: int | None,
+    slack: float = 0.0,
+    held: Sequence[TiltInterval] = (),
+    duration: float | None = None,
+) -> Tilts:
+    """Return the tilts of a class of flights.
 
     Args:
-        quadrotor: the vehicle, for its limits and gravity.
         grid: instants and angles.
-        winding: whole turns of the tilt between start and end.
+        winding: whole turns of the tilt between start and end; None for all windings, on the circle.
         slack: greatest deviation of the last tilt from the winding [rad].
-        held: bounds of the tilt at some instants.
+        held: bounds of the tilt at some instants; none on the circle.
+        duration: duration of the flights to whose shares `held` refers [s]. They hover first, until they fill the grid.
     """
-
-    def __init__(
-        self, quadrotor: Quadrotor, grid: TimeGrid, winding: int, slack: float = 0.0, held: Sequence[TiltInterval] = ()
-    ) -> None:
-        self.quadrotor, self.grid, self.winding, self.slack = quadrotor, grid, winding, slack
-        self.low, self.high = _index_bounds(grid, winding, slack, held)
-        self.possible = bool((self.low <= self.high).all())
-        self.origin = int(self.low.min()) - 1
-        angle = grid.angle * np.arange(self.origin, int(self.high.max()) + 2)
-        self._sin, self._cos = np.sin(angle), np.cos(angle)
-        self._values = _workspace(grid.steps, len(angle))
-
-    def __call__(self, weight: Array, first: float, last: float) -> TiltBound:
-        """Bound the integral for one weight.
-
-        Args:
-            weight: q at the instants, shape (N+1, 2).
-            first, last: nonnegative penalties of the first and last tilt.
-        """
-        grid, quadrotor = self.grid, self.quadrotor
-        count, d, dt = grid.steps, grid.angle, grid.dt
-        limits = (quadrotor.thrust_min, quadrotor.thrust_max, quadrotor.gravity)
-        value, slope, ends = 0.0, np.zeros((count + 1, 2)), np.array([d / 2, self.slack + d / 2])
-        target = self.winding * grid.turn
-        for begin in (0, 1):
-            best, start, end = _sweep(
-                weight[begin : begin + count], self._sin, self._cos, self.low, self.high, self.origin, limits, dt,
-                first * d, last * d, target, self._values, slope[begin : begin + count],
-            )  # fmt: skip
-            value += best / 2
-            ends -= d / 2 * np.array([abs(start), abs(end - target)])
-        length = np.hypot(weight[:, 0], weight[:, 1])
-        share = np.full(count + 1, dt * d**2 / 8 * quadrotor.thrust_max)
-        share[[0, -1]] /= 2
-        size = 2 * dt * (quadrotor.thrust_max + quadrotor.gravity) * np.abs(weight).sum()
-        size += (first + last) * (d * len(self._sin) + self.slack)
-        return TiltBound(
-            value=value + first * d / 2 + last * (self.slack + d / 2),
-            interpolation=float(share @ length),
-            rounding=float(2 * (count + 64) * UNIT_ROUNDOFF * size),
-            slope=slope + (share / np.maximum(length, LEAST_LENGTH))[:, None] * weight,
-            ends=ends,
-        )
+    turn = grid.turn
+    if winding is None:
+        if held:
+            raise ValueError("tilts can be held for one winding only")
+        low, high = np.zeros(grid.steps), np.full(grid.steps, turn - 1.0)
+        index, target = np.arange(turn), 0
+        first = last = np.minimum(index, turn - index)
+    else:
+        target = winding * turn
+        low, high = _reach(grid, target, slack, held, grid.time if duration is None else duration)
+        index = np.arange(int(low.min()), int(high.max()) + 1)
+        first, last = np.abs(index), np.abs(index - target)
+    angle = grid.angle * ((index + turn // 2) % turn - turn // 2)
+    tables = (np.pad(table.astype(np.float64), 1) for table in (np.sin(angle), np.cos(angle), first, last))
+    origin = int(index[0]) - 1 if len(index) else 0
+    return Tilts((low - origin).astype(np.int64), (high - origin).astype(np.int64), winding is None, *tables)
 
 
-@lru_cache(maxsize=1)
-def compile_kernels() -> None:
-    """Compile the kernels or load them from disk, before a time budget starts. The first compilation takes seconds."""
-    TiltProgram(Quadrotor(), TimeGrid(LEAST_STEPS, LEAST_STEPS, 10.0), 0)(np.zeros((LEAST_STEPS + 1, 2)), 0.0, 0.0)
-
-
-def _index_bounds(
-    grid: TimeGrid, winding: int, slack: float, held: Sequence[TiltInterval]
-) -> tuple[NDArray[Any], NDArray[Any]]:
+def _reach(
+    grid: TimeGrid, target: int, slack: float, held: Sequence[TiltInterval], duration: float
+) -> tuple[Array, Array]:
     """Return the least and greatest multiple of d of sample k, shape (N,) each; least > greatest if there is none."""
-    k, count, target = np.arange(grid.steps), grid.steps, winding * grid.turn
+    k, count = np.arange(grid.steps), grid.steps
     margin = math.ceil(slack / grid.angle)
-    low = np.maximum(-(k + 1), target - margin - (count - k))
-    high = np.minimum(k + 1, target + margin + (count - k))
+    low = np.maximum(-(k + 1.0), target - margin - (count - k))
+    high = np.minimum(k + 1.0, target + margin + (count - k))
     for share, least, greatest in held:
-        at = min(max(round(share * count), 0), count)
-        apart = np.maximum(np.abs(k - at), np.abs(k + 1 - at))
-        low = np.maximum(low, np.floor(least / grid.angle) - apart)
-        high = np.minimum(high, np.ceil(greatest / grid.angle) + apart)
-    return low.astype(np.int64), high.astype(np.int64)
-
-
-@lru_cache(maxsize=8)
-def _workspace(count: int, width: int) -> Array:
-    """Return an array for the values of all instants, shared by programmes of equal size."""
-    return np.empty((count, width))
+        at = count - (1 - share) * duration / grid.dt
+        apart = np.maximum(np.abs(k - at), np.abs(k + 1 - at)) + TIME_MARGIN * count
+        low = np.maximum(low, np.floor(least / grid.angle - apart))
+        high = np.minimum(high, np.ceil(greatest / grid.angle + apart))
+    return low, high
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _sweep(  # type: ignore[no-untyped-def]
-    weight, sin, cos, low, high, origin, limits, dt, first, last, target, values, slope
-):
-    """Return M and both ends of its maximising sequence, as multiples of d.
+def sweep(k0, k1, begin, left, right, common, tilts, final, limits, rows, keep):  # type: ignore[no-untyped-def]
+    """Add the best rewards of samples k0..k1-1 to the values at sample k1, for all tilts.
 
-    The penalties first and last are per multiple of d. Half of dt a of the sequence is added to `slope`.
+    The weight at t_k is linear in k from `left` at k0 to `right` at k1, plus common[k]. Sample k has the weight at
+    t_(k+begin). `final` is subtracted at the last sample of the grid.
+
+    `rows` has the values at sample k1 in its row k1 - k0 with `keep`, else in row 0. With `keep` row k - k0 receives
+    the values of sample k; else two rows are used in turn. Returns the row with the values of sample k0.
     """
-    thrust_min, thrust_max, gravity = limits
-    count = weight.shape[0]
-    for k in range(count - 1, -1, -1):
-        begin, end = low[k] - origin, high[k] - origin + 1
-        row = values[k, begin:end]
-        _rewards(row, sin[begin:end], cos[begin:end], dt * weight[k, 0], dt * weight[k, 1], limits)
-        if k == count - 1:
-            for i in range(begin, end):
-                values[k, i] -= last * abs(i + origin - target)
-        else:
-            # Unreachable angles have value -inf.
-            after, inner, outer = values[k + 1], low[k + 1] - origin, high[k + 1] - origin + 1
-            for i in range(begin - 1, inner):
+    low, high, last, width = tilts.low, tilts.high, tilts.low.shape[0] - 1, tilts.sin.shape[0]
+    length, dt = k1 - k0, limits.dt
+    at = length if keep else 0
+    for k in range(k1 - 1, k0 - 1, -1):
+        share = (k + begin - k0) / length
+        q_x = dt * (left[0] + (right[0] - left[0]) * share + common[k + begin, 0])
+        q_z = dt * (left[1] + (right[1] - left[1]) * share + common[k + begin, 1])
+        after = rows[at]
+        at = at - 1 if keep else 1 - at
+        row, b, e = rows[at], low[k], high[k] + 1
+        _rewards(row[b:e], tilts.sin[b:e], tilts.cos[b:e], q_x, q_z, limits)
+        if k == last:
+            for i in range(b, e):
+                row[i] -= final[i]
+            continue
+        if tilts.circular:
+            after[0], after[width - 1] = after[width - 2], after[1]
+        else:  # Unreachable angles have value -inf.
+            for i in range(b - 1, min(low[k + 1], e + 1)):
                 after[i] = -np.inf
-            for i in range(outer, end + 1):
+            for i in range(max(high[k + 1] + 1, b - 1), e + 1):
                 after[i] = -np.inf
-            _add_best(row, after[begin - 1 : end - 1], after[begin:end], after[begin + 1 : end + 1])
-    best, at = -np.inf, low[0]
-    for i in range(low[0], high[0] + 1):
-        value = values[0, i - origin] - first * abs(i)
-        if value > best:
-            best, at = value, i
-    start = at
-    for k in range(count):
-        nearest, greatest = at, -np.inf
-        for i in range(max(at - 1, low[k]), min(at + 1, high[k]) + 1) if k > 0 else range(at, at + 1):
-            if values[k, i - origin] > greatest:
-                nearest, greatest = i, values[k, i - origin]
-        at = nearest
-        up, ahead = cos[at - origin], sin[at - origin]
-        thrust = thrust_max if weight[k, 0] * ahead + weight[k, 1] * up > 0 else thrust_min
-        slope[k, 0] += dt / 2 * thrust * ahead
-        slope[k, 1] += dt / 2 * (thrust * up - gravity)
-    return best, start, at
+        _add_best(row[b:e], after[b - 1 : e - 1], after[b:e], after[b + 1 : e + 1])
+    return at
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _rewards(row, sin, cos, q_x, q_z, limits):  # type: ignore[no-untyped-def]
-    """Write the rewards r of one instant."""
-    thrust_min, thrust_max, gravity = limits
-    weight = gravity * q_z
+    """Write the rewards of one sample, with the interpolation error, for a weight times dt."""
+    thrust_min, thrust_max = limits.thrust_min, limits.thrust_max
+    rest = limits.bulge * math.sqrt(q_x * q_x + q_z * q_z) - limits.gravity * q_z
     for i in range(row.shape[0]):
         lift = q_x * sin[i] + q_z * cos[i]
         strong, weak = thrust_max * lift, thrust_min * lift
-        row[i] = (strong if strong > weak else weak) - weight
+        row[i] = (strong if strong > weak else weak) + rest
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -223,3 +211,35 @@ def _add_best(row, left, middle, right):  # type: ignore[no-untyped-def]
     for i in range(row.shape[0]):
         best = left[i] if left[i] > right[i] else right[i]
         row[i] += best if best > middle[i] else middle[i]
+
+
+def greatest_integral(
+    quadrotor: Quadrotor, grid: TimeGrid, tilts: Tilts, weight: Array, first: float, last: float, slack: float = 0.0
+) -> float:
+    """Return the bound of the theorem for one weight, without a bound of the rounding.
+
+    Args:
+        quadrotor: the vehicle.
+        grid: instants and angles.
+        tilts: the class of flights.
+        weight: q at the instants, shape (N+1, 2).
+        first, last: nonnegative penalties of the first and last tilt.
+        slack: greatest deviation of the last tilt from the winding [rad].
+    """
+    d, zero, rows = grid.angle, np.zeros(2), np.empty((2, len(tilts.sin)))
+    arguments: tuple[Any, ...] = (
+        zero,
+        zero,
+        weight,
+        tilts,
+        last * d * tilts.last,
+        limits(quadrotor, grid),
+        rows,
+        False,
+    )
+    value = first * d / 2 + last * (slack + d / 2)
+    inside = slice(tilts.low[0], tilts.high[0] + 1)
+    for begin in (0, 1):
+        row = rows[sweep(0, grid.steps, begin, *arguments)] - first * d * tilts.first
+        value += float(row[inside].max()) / 2
+    return value

@@ -1,0 +1,245 @@
+"""The theorem of the chain: a bound for flights through any number of hoops, at unknown passing times.
+
+The stations of a flight are its start, the hoops and its goal. It passes them at 0 = s_0 < s_1 < ... < s_(m+1) = T, at
+places p_i relative to the start. Let S_i = s_i - s_(i-1). Each station has a vector lambda_i. Let
+w_i = lambda_i - lambda_(i-1) and sigma_i = w_i/S_i. The weight q is linear from lambda_(i-1) to lambda_i on segment i,
+plus (0, h), with h(t) = sum over j of sign_j kappa_j/T max(t - tau_j, 0) and kappa_j >= 0. The sign is + for kinks of
+the floor and - for kinks of the ceiling.
+
+Identity. Integrating by parts twice on each segment gives for every flight
+
+    integral of q . a dt = q(T) . v(T) - sum over i of sigma_i . (p_i - p_(i-1)) - h'(T) z(T)
+                           + sum over j of sign_j kappa_j/T z(tau_j).
+
+The velocities at the hoops cancel because q is continuous. Floor and ceiling give sign_j z(tau_j) >= sign_j height_j.
+
+Theorem. Let F be the maximum, over all chains, of the mean of two programmes. A chain consists of passing instants t_k,
+one for each hoop and increasing, of one end of each gap, and of the tilts of `optimal.proof.tilt_program`. Its value is
+the sum over its segments of
+
+    the value of the samples of the segment, as in the tilt programme, for the weight of the chain,
+    + sigma_i . (p_i - p_(i-1)) + E_i,    E_i = n_i |w_i| (A/S + D/S^3) dt^2/4,    A = thrust_max + g,
+
+plus position |sigma_(m+1) + h'(T) e_z| in the last segment, plus what all chains share: the penalty terms of the tilt
+programme, h'(T) z_goal - sum of sign_j kappa_j/T height_j, and speed |q(T)|. Here n_i is the number of ends of the
+segment that are hoops, D is the greatest distance between places of its stations, and S bounds from below the durations
+of segments that pass within one time step of those of the chain. If F < 0, no flight takes the time T.
+
+Proof. Suppose that a flight takes the time T, and move all terms of its identity to one side. They sum to at least 0
+after the heights have been replaced. For given passing times, this sum is at most the value of the chain by the theorem
+of the tilt programme, because q is linear between instants. Three steps remain.
+
+Step 1 (places). The sum is linear in the places p_i. The ends of the gaps therefore suffice. The tolerance at the goal
+adds the support function of its discs.
+
+Step 2 (passing times). Fix the flight and its places, and let G(s) be the integral of q_s . a plus the sum of
+sigma_i . (p_i - p_(i-1)), for any s. The boundary terms of dG/ds_i cancel because q is continuous. With the integrals
+I of (t - s_(i-1)) a over segment i and J of (s_(i+1) - t) a over segment i+1, whose lengths are at most A S^2/2,
+
+    d^2G/ds_i^2 = (sigma_(i+1) - sigma_i) . a(s_i) + 2 w_i . (I + p_i - p_(i-1))/S_i^3
+                  + 2 w_(i+1) . (p_(i+1) - p_i - J)/S_(i+1)^3
+                >= - sum over both segments of |w| (2 A/S + 2 D/S^3).
+
+A function of one variable exceeds its chord over a cell of length dt by at most dt^2/8 times the greatest value of
+minus its second derivative. The passing times are replaced by ends of their cells one after the other. G is therefore
+at most its greatest value at the corners of the cells, plus dt^2/8 times these bounds, which are the E_i. All corners
+are chains.
+
+Step 3 (durations). If the segment of the flight ends in cells that begin at instants a and b, its corners are
+k - k' = b - a - 1 to b - a + 1, and all durations met in step 2 are at least (b - a - 1) dt >= (k - k' - 2) dt. They
+are also at least the least duration of the flight's segment minus 2 dt, where the least duration is the least distance
+of both stations divided by the greatest speed, (A T + speed)/2. It must be 4 dt or more. Hoops that are closer are
+ignored, which is a relaxation.
+
+Pruning. Let U be the value of the best chain up to a passing, and V that of the best chain from there on. U is V of the
+problem reversed in time. If the mean over both programmes of max(U + V), plus what all chains share, is negative at t_k
+and at t_(k+1), no flight passes the hoop between these instants, by the same proof with the hoop's cell fixed.
+
+Rounding is bounded by `optimal.proof.dual`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from flatgym.quadrotor import Array
+from optimal.proof.tilt_program import Integers, Tilts, sweep
+
+
+class Chain(NamedTuple):
+    """The terms of all chains for one set of multipliers; m + 2 stations, N time steps.
+
+    Attributes:
+        weights: lambda of each station, shape (m+2, 2).
+        common: the part (0, h) of the weight at the instants, shape (N+1, 2).
+        windows: first and last passing instant of each station, shape (m+2, 2).
+        rows: row of the values for a station's instant 0, whether it is in the window or not, shape (m+2,).
+        places: both ends of each gap, relative to the start, shape (m+2, 2, 2).
+        curvature: E_i / |w_i| by segment and k - k', shape (m+1, N+1).
+        goal: the segment with the tolerance at the goal.
+        position: position tolerance [m].
+        tail: h'(T).
+        final: penalty of the last tilt, by position.
+    """
+
+    weights: Array
+    common: Array
+    windows: Integers
+    rows: Integers
+    places: Array
+    curvature: Array
+    goal: int
+    position: float
+    tail: float
+    final: Array
+
+
+def reverse_time(chain: Chain, tilts: Tilts, first: Array) -> tuple[Chain, Tilts]:
+    """Return the problem reversed in time. The penalty of the first tilt, by position, becomes that of the last."""
+    steps = len(chain.common) - 1
+    windows = np.ascontiguousarray(steps - chain.windows[::-1, ::-1])
+    backward = Chain(
+        weights=chain.weights[::-1].copy(),
+        common=chain.common[::-1].copy(),
+        windows=windows,
+        rows=first_rows(windows),
+        places=chain.places[::-1].copy(),
+        curvature=chain.curvature[::-1].copy(),
+        goal=len(chain.weights) - 2 - chain.goal,
+        position=chain.position,
+        tail=-chain.tail,
+        final=first,
+    )
+    return backward, tilts._replace(low=tilts.low[::-1].copy(), high=tilts.high[::-1].copy())
+
+
+def first_rows(windows: Integers) -> Integers:
+    """Return the row of the values for instant 0 of each station, so that the windows follow one another."""
+    sizes = windows[:, 1] - windows[:, 0] + 1
+    return np.cumsum(sizes) - sizes - windows[:, 0]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _slope(chain, i, k0, k1, dt):  # type: ignore[no-untyped-def]
+    """Return sigma of the segment from station i to station i + 1."""
+    duration = (k1 - k0) * dt
+    left, right = chain.weights[i], chain.weights[i + 1]
+    return (right[0] - left[0]) / duration, (right[1] - left[1]) / duration
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _arrive(chain, tilts, i, k1, s_x, s_z, values, row):  # type: ignore[no-untyped-def]
+    """Write the value of passing station i at instant k1 to `row`, with sigma . p, for the better end of the gap."""
+    if i == chain.weights.shape[0] - 1:
+        return  # nothing follows the last station
+    one = s_x * chain.places[i, 0, 0] + s_z * chain.places[i, 0, 1]
+    other = s_x * chain.places[i, 1, 0] + s_z * chain.places[i, 1, 1]
+    from_one, from_other = values[chain.rows[i] + k1, 0], values[chain.rows[i] + k1, 1]
+    for j in range(tilts.low[k1], tilts.high[k1] + 1):
+        a, b = from_one[j] + one, from_other[j] + other
+        row[j] = a if a > b else b
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _constants(chain, i, k0, k1, s_x, s_z):  # type: ignore[no-untyped-def]
+    """Return the terms of a segment that depend neither on the tilt nor on the place in a gap."""
+    w_x, w_z = chain.weights[i + 1, 0] - chain.weights[i, 0], chain.weights[i + 1, 1] - chain.weights[i, 1]
+    value = math.sqrt(w_x * w_x + w_z * w_z) * chain.curvature[i, k1 - k0]
+    if i == chain.weights.shape[0] - 2:
+        value += s_x * chain.places[i + 1, 0, 0] + s_z * chain.places[i + 1, 0, 1]
+    if i == chain.goal:
+        t_z = s_z + chain.tail
+        value += chain.position * math.sqrt(s_x * s_x + t_z * t_z)
+    return value
+
+
+@numba.njit(cache=True, error_model="numpy")
+def best_values(begin, chain, tilts, limits, values, choices):  # type: ignore[no-untyped-def]
+    """Write the value of the best chain from each station, instant, end of the gap and tilt on.
+
+    `values` and `choices` have the shape (instants of all windows, 2, tilts). `choices` receives the instant at which
+    the best chain passes the next station.
+    """
+    stations, dt = chain.weights.shape[0], limits.dt
+    two = np.empty((2, tilts.sin.shape[0]))
+    for i in range(stations - 2, -1, -1):
+        for k0 in range(chain.windows[i, 0], chain.windows[i, 1] + 1):
+            at = chain.rows[i] + k0
+            values[at] = -np.inf
+            for k1 in range(max(chain.windows[i + 1, 0], k0 + 1), chain.windows[i + 1, 1] + 1):
+                s_x, s_z = _slope(chain, i, k0, k1, dt)
+                _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, two[0])
+                left, right = chain.weights[i], chain.weights[i + 1]
+                row = two[sweep(k0, k1, begin, left, right, chain.common, tilts, chain.final, limits, two, False)]
+                constant = _constants(chain, i, k0, k1, s_x, s_z)
+                for end in range(2 if i > 0 else 1):
+                    place, best, choice = chain.places[i, end], values[at, end], choices[at, end]
+                    rest = constant - s_x * place[0] - s_z * place[1]
+                    for j in range(tilts.low[k0], tilts.high[k0] + 1):
+                        if row[j] + rest > best[j]:
+                            best[j], choice[j] = row[j] + rest, k1
+
+
+@numba.njit(cache=True, error_model="numpy")
+def best_chain(begin, chain, tilts, limits, values, choices, start):  # type: ignore[no-untyped-def]
+    """Return the passing instants, the ends of the gaps and the tilts of the best chain from a first tilt."""
+    stations, count, dt = chain.weights.shape[0], tilts.low.shape[0], limits.dt
+    passing, ends, path = np.zeros(stations, np.int64), np.zeros(stations, np.int64), np.zeros(count, np.int64)
+    rows = np.empty((count + 1, tilts.sin.shape[0]))
+    k0, end, j = 0, 0, start
+    for i in range(stations - 1):
+        k1 = choices[chain.rows[i] + k0, end, j]
+        s_x, s_z = _slope(chain, i, k0, k1, dt)
+        _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, rows[k1 - k0])
+        left, right = chain.weights[i], chain.weights[i + 1]
+        sweep(k0, k1, begin, left, right, chain.common, tilts, chain.final, limits, rows, True)
+        for k in range(k0, k1):
+            path[k] = j
+            if k < count - 1:
+                j = _best_neighbour(rows[k + 1 - k0], j, k + 1, tilts)
+        end = 0
+        if i < stations - 2:
+            place, value = chain.places[i + 1], values[chain.rows[i + 1] + k1]
+            gain = s_x * (place[1, 0] - place[0, 0]) + s_z * (place[1, 1] - place[0, 1])
+            end = 1 if value[1, j] + gain > value[0, j] else 0
+        passing[i + 1], ends[i + 1] = k1, end
+        k0 = k1
+    return passing, ends, path
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _best_neighbour(row, j, k, tilts):  # type: ignore[no-untyped-def]
+    """Return the position of the greatest of up to three values of sample k that can be reached from position j."""
+    width, nearest, greatest = tilts.sin.shape[0], j, -np.inf
+    for i in (j, j - 1, j + 1):
+        if tilts.circular:
+            i = width - 2 if i == 0 else (1 if i == width - 1 else i)
+        elif i < tilts.low[k] or i > tilts.high[k]:
+            continue
+        if row[i] > greatest:
+            nearest, greatest = i, row[i]
+    return nearest
+
+
+@numba.njit(cache=True, error_model="numpy")
+def best_through(chain, tilts, values, backward, past):  # type: ignore[no-untyped-def]
+    """Return the value of the best chain through each instant of each window, by row of `values`.
+
+    `past` has the values of the problem `backward`, which is reversed in time.
+    """
+    stations, count = chain.weights.shape[0], tilts.low.shape[0]
+    best = np.full(values.shape[0], -np.inf)
+    for i in range(1, stations - 1):
+        for k in range(chain.windows[i, 0], chain.windows[i, 1] + 1):
+            ahead = values[chain.rows[i] + k]
+            before = past[backward.rows[stations - 1 - i] + count - k]
+            for end in range(2):
+                for j in range(tilts.low[k], tilts.high[k] + 1):
+                    i_past = _best_neighbour(before[end], j, k - 1, tilts)
+                    total = ahead[end, j] + before[end, i_past]
+                    best[chain.rows[i] + k] = max(best[chain.rows[i] + k], total)
+    return best

@@ -1,0 +1,106 @@
+"""Proofs on disk: plain JSON with exact numbers and nothing executable.
+
+Numbers are written as hexadecimal floating-point text, so that reading returns the same numbers to the bit, infinities
+included. A file is only data: `Proof.check` recomputes what it claims.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flatgym.files import write_text
+from flatgym.scenarios.scenario import Scenario, Tolerance
+from optimal.proof.branch_and_bound import ExcludedBranch
+from optimal.proof.branches import Branch, TiltInterval
+from optimal.proof.stages import Stage
+from optimal.proof.time_grid import TimeGrid
+
+SCHEMA = 1
+"""Version of the file format."""
+NUMBERS = ("time", "flown", "wall_time")
+
+
+def encode(fields: dict[str, Any]) -> str:
+    """Return the fields of a proof as the text of its file."""
+    plain = dict(fields)
+    plain["scenario"] = fields["scenario"].to_dict()
+    plain["tolerance"] = None if fields["tolerance"] is None else asdict(fields["tolerance"])
+    plain["verdict"] = fields["verdict"].name
+    plain["kinks"] = _hexadecimal(fields["kinks"])
+    plain["excluded"] = [_plain_branch(*each) for each in fields["excluded"]]
+    for name in NUMBERS:
+        plain[name] = float(fields[name]).hex()
+    return json.dumps({"schema": SCHEMA, "proof": plain}, allow_nan=False) + "\n"
+
+
+def decode(text: str) -> dict[str, Any]:
+    """Return the fields of a proof from the text of its file; the verdict by name.
+
+    Raises:
+        ValueError: for text that is not a proof of this schema.
+    """
+    try:
+        data = json.loads(text)
+        if data["schema"] != SCHEMA:
+            raise ValueError(f"schema {data['schema']}, expected {SCHEMA}")
+        fields = dict(data["proof"])
+        fields["scenario"] = Scenario.from_dict(fields["scenario"])
+        fields["tolerance"] = None if fields["tolerance"] is None else Tolerance(**fields["tolerance"])
+        fields["kinks"] = _numbers(fields["kinks"])
+        fields["excluded"] = tuple(_branch(each) for each in fields["excluded"])
+        for name in NUMBERS:
+            fields[name] = float.fromhex(fields[name])
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise ValueError(f"not a proof: {error}") from None
+    return fields
+
+
+def write(path: str | Path, fields: dict[str, Any]) -> Path:
+    """Write the fields of a proof to a file, and return its path."""
+    path = Path(path)
+    write_text(path, encode(fields))
+    return path
+
+
+def _hexadecimal(numbers: Any) -> list[str]:
+    return [float(number).hex() for number in numbers]
+
+
+def _numbers(plain: Any) -> tuple[float, ...]:
+    return tuple(float.fromhex(number) for number in plain)
+
+
+def _plain_branch(branch: Branch, stages: tuple[Stage, ...]) -> dict[str, Any]:
+    return {
+        "winding": branch.winding,
+        "held": [_hexadecimal(held) for held in branch.held],
+        "stages": [
+            {
+                "steps": grid.steps,
+                "turn": grid.turn,
+                "rate_max": float(grid.rate_max).hex(),
+                "hoops": [int(hoop) for hoop in hoops],
+                "multipliers": _hexadecimal(multipliers),
+            }
+            for grid, hoops, multipliers in stages
+        ],
+    }
+
+
+def _branch(plain: dict[str, Any]) -> ExcludedBranch:
+    stages = tuple(
+        Stage(
+            TimeGrid(int(stage["steps"]), int(stage["turn"]), float.fromhex(stage["rate_max"])),
+            tuple(int(hoop) for hoop in stage["hoops"]),
+            np.array(_numbers(stage["multipliers"])),
+        )
+        for stage in plain["stages"]
+    )
+    held = tuple(TiltInterval(*_numbers(each)) for each in plain["held"])
+    winding = plain["winding"]
+    return ExcludedBranch(Branch(None if winding is None else int(winding), held), stages)
