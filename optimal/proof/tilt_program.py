@@ -48,7 +48,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -211,35 +211,3 @@ def _add_best(row, left, middle, right):  # type: ignore[no-untyped-def]
     for i in range(row.shape[0]):
         best = left[i] if left[i] > right[i] else right[i]
         row[i] += best if best > middle[i] else middle[i]
-
-
-def greatest_integral(
-    quadrotor: Quadrotor, grid: TimeGrid, tilts: Tilts, weight: Array, first: float, last: float, slack: float = 0.0
-) -> float:
-    """Return the bound of the theorem for one weight, without a bound of the rounding.
-
-    Args:
-        quadrotor: the vehicle.
-        grid: instants and angles.
-        tilts: the class of flights.
-        weight: q at the instants, shape (N+1, 2).
-        first, last: nonnegative penalties of the first and last tilt.
-        slack: greatest deviation of the last tilt from the winding [rad].
-    """
-    d, zero, rows = grid.angle, np.zeros(2), np.empty((2, len(tilts.sin)))
-    arguments: tuple[Any, ...] = (
-        zero,
-        zero,
-        weight,
-        tilts,
-        last * d * tilts.last,
-        limits(quadrotor, grid),
-        rows,
-        False,
-    )
-    value = first * d / 2 + last * (slack + d / 2)
-    inside = slice(tilts.low[0], tilts.high[0] + 1)
-    for begin in (0, 1):
-        row = rows[sweep(0, grid.steps, begin, *arguments)] - first * d * tilts.first
-        value += float(row[inside].max()) / 2
-    return value

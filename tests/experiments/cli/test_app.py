@@ -13,6 +13,7 @@ from experiments import terminal
 from experiments.cli import app
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.scenarios.reference import reference
+from tests.experiments.cli.shell import flatquad
 
 COMMANDS = (
     "list",
@@ -28,15 +29,6 @@ COMMANDS = (
     "publish",
 )
 WITHOUT_TABLE = ("play", "pretrain", "publish")
-
-
-def flatquad(monkeypatch, capsys, *arguments):
-    """Run the command as a shell would; return exit status, standard output, standard error."""
-    monkeypatch.setattr(sys, "argv", ["flatquad", *arguments])
-    with pytest.raises(SystemExit) as end:
-        app.main()
-    output = capsys.readouterr()
-    return end.value.code, output.out, output.err
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -14,6 +14,7 @@ from experiments.benchmark.suite import SUITES, Suite
 from experiments.cli import app
 from experiments.files import published
 from experiments.recipes.run_spec import SMOKE
+from tests.experiments.cli.shell import flatquad
 
 SMALL = Suite(
     "quick",
@@ -22,15 +23,6 @@ SMALL = Suite(
     budget=replace(SMOKE, gradient_steps=(5, 5), expert_rollouts=2),
 )
 HOSTILE = "import time\n\n\ndef crash(seen):\n    return 1 / 0\n\n\ndef hang(seen):\n    time.sleep(600)\n"
-
-
-def flatquad(monkeypatch, capsys, *arguments):
-    """Run the command as a shell would; return exit status, standard output, standard error."""
-    monkeypatch.setattr(sys, "argv", ["flatquad", *arguments])
-    with pytest.raises(SystemExit) as end:
-        app.main()
-    output = capsys.readouterr()
-    return end.value.code, output.out, " ".join(output.err.split())
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,6 @@
 """`flatquad evaluate`: one score row for any policy."""
 
 import json
-import sys
 from importlib import import_module
 
 import pytest
@@ -11,6 +10,7 @@ from agents.evaluation.scores import COLUMNS
 from experiments.cli import app
 from experiments.cli import evaluate as command
 from flatgym.scenarios.reference import EVALUATION_SEED
+from tests.experiments.cli.shell import flatquad
 
 
 @pytest.fixture(autouse=True)
@@ -21,12 +21,8 @@ def cache(tmp_path, monkeypatch):
 
 
 def evaluate(monkeypatch, capsys, *arguments):
-    """Run the command as a shell would; return exit status, standard output, standard error."""
-    monkeypatch.setattr(sys, "argv", ["flatquad", "evaluate", *arguments])
-    with pytest.raises(SystemExit) as end:
-        app.main()
-    output = capsys.readouterr()
-    return end.value.code, output.out, " ".join(output.err.split())
+    """Run `flatquad evaluate`; returns as `flatquad` does."""
+    return flatquad(monkeypatch, capsys, "evaluate", *arguments)
 
 
 def test_the_cascade_is_scored(monkeypatch, capsys):

@@ -1,24 +1,15 @@
 """The command `flatquad train`: what it prints is what was trained, and it goes on where it stopped."""
 
 import json
-import sys
 
 import pytest
 from typer.testing import CliRunner
 
 from agents.training.configs import from_json
 from experiments.cli import app
+from tests.experiments.cli.shell import flatquad
 
 SHORT = ("train", "horizontal-3", "--env-steps", "16384", "--seconds", "100000", "--json")
-
-
-def flatquad(monkeypatch, capsys, *arguments):
-    """Run the command as a shell would; return exit status, standard output, standard error."""
-    monkeypatch.setattr(sys, "argv", ["flatquad", *arguments])
-    with pytest.raises(SystemExit) as end:
-        app.main()
-    output = capsys.readouterr()
-    return end.value.code, output.out, output.err
 
 
 def test_help_has_an_example():

@@ -15,8 +15,9 @@ from optimal.proof.bundle_method import separate
 from optimal.proof.dual import Dual
 from optimal.proof.initial_multipliers import kink_shares, multipliers
 from optimal.proof.stations import Problem, Stations, hoops_apart, possible_windows
-from optimal.proof.tilt_program import greatest_integral, tilts
+from optimal.proof.tilt_program import tilts
 from optimal.proof.time_grid import TimeGrid, time_grid
+from tests.optimal.proof.one_weight import greatest_integral
 
 GATES = Scenario("gates", (0.0, 1.0), (6.0, 2.0), (Hoop(2, 2, 0.5, 0.3), Hoop(4, 1.5, 0.8, -0.4)), 0.0, 3.0)
 THREE = replace(GATES, hoops=(*GATES.hoops, Hoop(5, 2, 0.4, 0.1)))
@@ -154,29 +155,23 @@ def test_the_mirrored_task_has_the_mirrored_multipliers(generator):
         assert there.evaluate(turned * y).value == pytest.approx(here.evaluate(y).value, abs=1e-10)
 
 
-def exact(dual: Dual, y: np.ndarray, winding: int | None) -> np.longdouble:
-    """Return F in extended precision, for windows of one instant each, by an independent implementation."""
-    wide, problem, grid, tables = np.longdouble, dual.problem, dual.grid, dual._tilts
-    vehicle, scenario, steps = problem.scenario.quadrotor, problem.scenario, grid.steps
-    y, pi = y.astype(wide), wide(4) * np.arctan(wide(1))
-    d = 2 * pi / grid.turn
-    dt = d / wide(grid.rate_max)
+def exact_grid(dual: Dual) -> tuple[np.longdouble, np.longdouble]:
+    """Return angle and time step of a grid in extended precision."""
+    angle = 8 * np.arctan(np.longdouble(1)) / dual.grid.turn
+    return angle, angle / np.longdouble(dual.grid.rate_max)
+
+
+def exact_sums(dual: Dual, q: np.ndarray, penalties: np.ndarray, winding: int | None) -> list[np.longdouble]:
+    """Return both sums of the tilt programme in extended precision, for the weight q at the instants."""
+    wide, vehicle, tables, steps = np.longdouble, dual.problem.scenario.quadrotor, dual._tilts, dual.grid.steps
     high, low, g = wide(vehicle.thrust_max), wide(vehicle.thrust_min), wide(vehicle.gravity)
-    passing = dual._windows[:, 0]
-    weights, kappa = y[: dual.vectors].reshape(-1, 2), dual._signs * y[dual.vectors : -2]
-    k = np.arange(steps + 1)
-    segment = np.clip(np.searchsorted(passing, k, side="right") - 1, 0, len(passing) - 2)
-    share = (k - passing[segment]).astype(wide) / np.diff(passing)[segment]
-    q = weights[segment] + share[:, None] * (weights[segment + 1] - weights[segment])
-    at = np.tile(np.rint(np.array(problem.kinks) * steps), len(kappa) // max(len(problem.kinks), 1))
-    q[:, 1] += (np.maximum(k[:, None] - at, 0).astype(wide) / steps) @ kappa
+    d, dt = exact_grid(dual)
     position = np.arange(1, len(tables.sin) - 1)
     index = position - 1 if winding is None else position - 1 - np.argmin(tables.first[1:-1])
-    first, last = (wide(vehicle.thrust_max) / wide(vehicle.rate_max) * y[-2:] * d).tolist()
-    from_start, from_end = tables.first[1:-1].astype(wide), tables.last[1:-1].astype(wide)
+    first, last = high / wide(vehicle.rate_max) * penalties * d
     rewards, sums = dt * d**2 / 8 * high * np.sqrt((q**2).sum(axis=1)), []
     for begin in (0, 1):
-        values = -wide(last) * from_end
+        values = -last * tables.last[1:-1].astype(wide)
         for n in reversed(range(steps)):
             if n < steps - 1:
                 near = [np.roll(values, 1), np.roll(values, -1)]
@@ -186,7 +181,25 @@ def exact(dual: Dual, y: np.ndarray, winding: int | None) -> np.longdouble:
             lift = q[n + begin, 0] * np.sin(d * index) + q[n + begin, 1] * np.cos(d * index)
             values = values + dt * (np.maximum(high * lift, low * lift) - g * q[n + begin, 1]) + rewards[n + begin]
             values = np.where((position < tables.low[n]) | (position > tables.high[n]), -np.inf, values)
-        sums.append((values - wide(first) * from_start).max())
+        sums.append((values - first * tables.first[1:-1].astype(wide)).max())
+    return sums
+
+
+def exact(dual: Dual, y: np.ndarray, winding: int | None) -> np.longdouble:
+    """Return F in extended precision, for windows of one instant each, by an independent implementation."""
+    wide, problem, steps = np.longdouble, dual.problem, dual.grid.steps
+    scenario, vehicle, y = problem.scenario, problem.scenario.quadrotor, y.astype(np.longdouble)
+    d, dt = exact_grid(dual)
+    high, g = wide(vehicle.thrust_max), wide(vehicle.gravity)
+    passing = dual._windows[:, 0]
+    weights, kappa = y[: dual.vectors].reshape(-1, 2), dual._signs * y[dual.vectors : -2]
+    k = np.arange(steps + 1)
+    segment = np.clip(np.searchsorted(passing, k, side="right") - 1, 0, len(passing) - 2)
+    share = (k - passing[segment]).astype(wide) / np.diff(passing)[segment]
+    q = weights[segment] + share[:, None] * (weights[segment + 1] - weights[segment])
+    at = np.tile(np.rint(np.array(problem.kinks) * steps), len(kappa) // max(len(problem.kinks), 1))
+    q[:, 1] += (np.maximum(k[:, None] - at, 0).astype(wide) / steps) @ kappa
+    sums = exact_sums(dual, q, y[-2:], winding)
     places = [np.zeros((2, 2), wide)]
     for i in dual.hoops:
         hoop = scenario.hoops[i]
@@ -209,7 +222,8 @@ def exact(dual: Dual, y: np.ndarray, winding: int | None) -> np.longdouble:
     rest += wide(problem.position) * np.sqrt(sigma[0] ** 2 + (sigma[1] + tail) ** 2)
     rest += wide(problem.speed) * np.sqrt((q[-1] ** 2).sum())
     rest += (kappa @ (places[-1][0, 1] - dual._heights.astype(wide))) / (dt * steps)
-    return sum(sums) / 2 + rest + max(best) + wide(first) / 2 + wide(last) * (wide(problem.slack) / d + wide(0.5))
+    first, last = high / wide(vehicle.rate_max) * y[-2:]
+    return sum(sums) / 2 + rest + max(best) + first * d / 2 + last * (wide(problem.slack) + d / 2)
 
 
 def test_the_rounding_bound_covers_the_floating_point_error(generator):
