@@ -63,6 +63,51 @@ def polyline_states(scenario: Scenario, share: Array, duration: float, winding: 
     return states
 
 
+def guess_along(
+    scenario: Scenario, steps: tuple[int, ...], passing_times: Array, tilts: Array, places: Array | None = None
+) -> Array:
+    """Return a guess that passes the stations at given times with given tilts.
+
+    At known tilts the acceleration is linear in the thrust. The thrust is the one closest to hovering, in the sense of
+    least squares, that leads through all hoops and to rest at the goal. It may violate its limits; then it is clipped
+    and the states are kept.
+
+    Args:
+        scenario: the task.
+        steps: of each phase.
+        passing_times: times at which hoops and goal are reached, increasing [s], shape (H+1,).
+        tilts: tilts at equal distances in time from start to goal, whole turns counted [rad], shape (n,).
+        places: distances from the centres of the gaps, along `Hoop.across` [m], shape (H,); None for the centres.
+    """
+    q, counts = scenario.quadrotor, np.array(steps)
+    h = np.diff(passing_times, prepend=0.0) / counts
+    dt = np.repeat(h, counts)
+    time, stations = np.append(0.0, np.cumsum(dt)), np.cumsum(counts)
+    theta = np.interp(time, np.linspace(0.0, passing_times[-1], len(tilts)), tilts)
+    middle = (theta[:-1] + theta[1:]) / 2
+    push = dt[:, None] * np.column_stack([np.sin(middle), np.cos(middle)])
+    # Velocity and position at node i gain push[j] f[j] and reach[i, j] push[j] f[j] from each earlier step j.
+    before = np.arange(len(time))[:, None] > np.arange(len(dt))
+    reach = np.where(before, time[:, None] - time[:-1] - dt / 2, 0.0)
+    start, weight = scenario.start_state, np.array([0.0, -q.gravity])
+    free = start[:2] + time[:, None] * start[2:4] + time[:, None] ** 2 / 2 * weight
+    targets = geometry(scenario).points[1:].copy()
+    if places is not None:
+        targets[:-1] += np.array([hoop.across for hoop in scenario.hoops]).reshape(-1, 2) * np.reshape(places, (-1, 1))
+    rows = np.vstack([reach[stations] * push[:, axis] for axis in range(2)] + [push.T])
+    wanted = np.concatenate([(targets - free[stations]).T.ravel(), -start[2:4] - time[-1] * weight])
+    thrust = q.gravity + np.linalg.lstsq(rows, wanted - q.gravity * rows.sum(axis=1), rcond=None)[0]
+    states = np.column_stack(
+        [
+            free + reach @ (push * thrust[:, None]),
+            start[2:4] + time[:, None] * weight + before @ (push * thrust[:, None]),
+            theta,
+        ]
+    )
+    controls = np.column_stack([thrust, np.diff(theta) / dt])
+    return Stages(steps).pack(h, states, np.clip(controls, q.control_low, q.control_high))
+
+
 def upsampled_guess(flight: Trajectory, coarse: tuple[int, ...], steps: tuple[int, ...]) -> Array:
     """Return a guess for `program` on a grid of `steps` from a flight on a grid of `coarse` steps a phase."""
     ends = flight.breakpoints[np.append(0, np.cumsum(coarse))]
@@ -70,6 +115,20 @@ def upsampled_guess(flight: Trajectory, coarse: tuple[int, ...], steps: tuple[in
     time = np.append(0.0, np.cumsum(np.repeat(h, steps)))
     states, thrust = resampled(flight, time)
     return Stages(steps).pack(h, states, np.column_stack([thrust, np.diff(states[:, 4]) / np.diff(time)]))
+
+
+def turned_guess(flight: Trajectory, steps: tuple[int, ...], phase: int, turns: int) -> Array:
+    """Return a flight on its own grid of `steps` a phase, with whole turns of the tilt added evenly over one phase.
+
+    States after that phase keep their attitude, because they turn by a multiple of 2 pi.
+    """
+    first = int(Stages(steps).firsts[phase])
+    states, controls, dt = flight.states.copy(), flight.controls.copy(), np.diff(flight.breakpoints)
+    share = np.clip((np.arange(len(states)) - first) / steps[phase], 0.0, 1.0)
+    states[:, 4] += 2 * np.pi * turns * share
+    rate_max = flight.quadrotor.rate_max
+    controls[:, 1] = np.clip(np.diff(states[:, 4]) / dt, -rate_max, rate_max)
+    return Stages(steps).pack(dt[Stages(steps).firsts], states, controls)
 
 
 def warm_start(flight: Trajectory, steps: tuple[int, ...]) -> Array:

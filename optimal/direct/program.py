@@ -6,7 +6,7 @@ crossed at the node between two phases:
     minimise  sum N_i h_i
     such that X[k+1] = step(X[k], U[k], h_i),  X[0] at rest at the start,
               X[N] at rest at the goal with theta = 2 pi winding,
-              (p - c) . d = 0, |(p - c) . across| <= gap, v . d >= 0   at each hoop (c, d),
+              (p - c) . d = 0, |(p - c) . across| <= gap, v . d >= CROSSING_SPEED   at each hoop (c, d),
               thrust_min <= f <= thrust_max, |omega| <= rate_max, floor <= z <= ceiling.
 
 Scenarios of one `Shape` share a solver, because building it costs more than solving.
@@ -48,6 +48,9 @@ COARSENING = 4
 """Steps of the full grid for each step of the coarse grid."""
 MIN_COARSE_STEPS = 12
 """Fewest steps of one phase on the coarse grid."""
+CROSSING_SPEED = 1e-3
+"""Least speed through a hoop [m/s]. A flight that turns round at a hoop would only touch its line; at this speed it
+crosses the line by 1e-8 m or more, which costs up to 1e-4 s."""
 LONGEST_PHASE, SHORTEST_STEP = 20.0, 1e-5
 """Longest phase and shortest step that the solver considers [s]."""
 
@@ -104,7 +107,7 @@ def _at_hoop(at: StageSymbols) -> Any:
 
 def _hoop_limits(scenario: Scenario, hoop: int, _clearance: float) -> Array:
     gap = scenario.hoops[hoop].half_gap(scenario.quadrotor.radius)
-    return np.array([[0.0, -gap, 0.0], [0.0, gap, np.inf]])
+    return np.array([[0.0, -gap, CROSSING_SPEED], [0.0, gap, np.inf]])
 
 
 def _at_goal(at: StageSymbols) -> Any:

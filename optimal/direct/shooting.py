@@ -16,7 +16,7 @@ import numpy as np
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
-from optimal.direct.guesses import first_guess, upsampled_guess
+from optimal.direct.guesses import first_guess, guess_along, upsampled_guess
 from optimal.direct.program import NODES, Shape, bounds, coarse_steps, layout, phase_steps, program
 from optimal.direct.transcription import has_height_limits
 from optimal.flights.trajectory import Trajectory
@@ -119,3 +119,41 @@ def solve_winding(
     """
     coarse = solve_coarse(scenario, winding, nodes=nodes, tolerant=tolerant, generator=generator)
     return solve_fine(scenario, coarse, nodes=nodes, tolerant=tolerant)
+
+
+def solve_along(
+    scenario: Scenario, passing_times: Array, tilts: Array, *, places: Array | None = None, nodes: int = NODES
+) -> ShootingSolution:
+    """Solve a scenario from a guess that passes the stations at given times with given tilts, on both grids.
+
+    Args:
+        scenario: the task.
+        passing_times: times at which hoops and goal are reached, increasing [s], shape (H+1,).
+        tilts: tilts at equal distances in time from start to goal, whole turns counted [rad], shape (n,), n >= 2. The
+            last one, rounded to whole turns, is the winding.
+        places: distances from the centres of the gaps, along `Hoop.across` [m], shape (H,); None for the centres.
+        nodes: steps of the whole flight, distributed over the phases.
+
+    Raises:
+        ValueError: for times that do not increase from 0, a wrong number of times or places, or fewer than two tilts.
+    """
+    return solve_fine(
+        scenario, solve_coarse_along(scenario, passing_times, tilts, places=places, nodes=nodes), nodes=nodes
+    )
+
+
+def solve_coarse_along(
+    scenario: Scenario, passing_times: Array, tilts: Array, *, places: Array | None = None, nodes: int = NODES
+) -> ShootingSolution:
+    """Solve as `solve_along` does, on the coarse grid only."""
+    times, hoops = np.asarray(passing_times, dtype=np.float64), len(scenario.hoops)
+    if times.shape != (hoops + 1,) or not np.all(np.diff(times, prepend=0.0) > 0):
+        raise ValueError(f"passing_times must be {hoops + 1} times [s] that increase from 0, got {passing_times!r}")
+    if np.ndim(tilts) != 1 or len(tilts) < 2:
+        raise ValueError(f"tilts must be at least two angles [rad], got {tilts!r}")
+    if places is not None and np.shape(places) != (hoops,):
+        raise ValueError(f"places must be {hoops} distances [m], one a hoop, got {places!r}")
+    steps = coarse_steps(scenario, nodes)
+    guess = guess_along(scenario, steps, times, np.asarray(tilts), places)
+    shape = Shape(steps, has_height_limits(scenario), tolerant=False)
+    return solve_from(scenario, shape, round(tilts[-1] / (2 * np.pi)), guess)

@@ -111,8 +111,8 @@ def path_violation(arcs: Arc, scenario: Scenario) -> float:
 def hoop_crossings(arcs: Arc, scenario: Scenario) -> list[tuple[float, float]]:
     """Return (time [s], clearance [m]) of the crossing of each hoop, each after the previous one.
 
-    The first crossing inside the gap counts; without one, the first crossing. The list ends before a hoop that is
-    never crossed.
+    The first crossing inside the gap counts; without one, the crossing nearest to the gap. The list ends before a hoop
+    that is never crossed.
     """
     found: list[tuple[float, float]] = []
     begin, after, began = 0, 0.0, np.append(0.0, np.cumsum(arcs.dt))
@@ -121,13 +121,18 @@ def hoop_crossings(arcs: Arc, scenario: Scenario) -> list[tuple[float, float]]:
         shape = (len(rest), 2)
         earliest = np.zeros(len(rest))
         earliest[:1] = after
-        when = rest.crossing(np.broadcast_to(hoop.centre, shape), np.broadcast_to(hoop.direction, shape), earliest)
+        line = np.broadcast_to(hoop.centre, shape), np.broadcast_to(hoop.direction, shape)
+        when = rest.crossing(*line, earliest)
+        # By rounding, an arc may end just before the line and the next one begin on it.
+        ends, begins = rest.height_over(*line, rest.dt)[0][:-1], rest.height_over(*line, 0 * rest.dt)[0][1:]
+        when[1:][(ends < 0) & (begins >= 0)] = 0.0
         crossings = np.flatnonzero(~np.isnan(when))
         if not crossings.size:
             break
         aside = (rest[crossings].at(when[crossings])[:, 0:2] - hoop.centre) @ hoop.across
         clearance = hoop.half_gap(scenario.quadrotor.radius) - np.abs(aside)
-        chosen = int(np.argmax(clearance >= -REPLAY_TOLERANCE))
+        inside = clearance >= -REPLAY_TOLERANCE
+        chosen = int(np.argmax(inside if inside.any() else clearance))
         begin, after = begin + int(crossings[chosen]), float(when[crossings[chosen]])
         found.append((float(began[begin]) + after, float(clearance[chosen])))
     return found
