@@ -72,11 +72,15 @@ def scenario_row(scenario: Scenario) -> dict[str, Any]:
 def distribution_row(distribution: Distribution) -> dict[str, Any]:
     """Return a distribution under the same keys; the optima of its scenarios are None."""
     low, high = distribution.hoops
+    goal = f"within {distribution.half_width:g} m in x and z, at least {distribution.least_distance:g} m away"
+    if distribution.leg is not None:
+        shortest, longest = distribution.leg
+        goal = f"the end of a track with legs of {shortest:g} to {longest:g} m"
     return {
         "scenario": distribution.name,
         "kind": "distribution",
         "start": _point((0.0, 0.0)),
-        "goal": f"within {distribution.half_width:g} m in x and z, at least {distribution.least_distance:g} m away",
+        "goal": goal,
         "hoops": low if low == high else f"{low} to {high}",
         "floor": None,
         "dt_s": distribution.dt,

@@ -22,7 +22,7 @@ from experiments.provenance import provenance
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.scenarios.reference import EVALUATION_SEED, SCHEMA
 
-SAMPLED = {"random-goal": 1000, "random-hoops": 300}
+SAMPLED = {"random-goal": 1000, "random-hoops": 300, "random-track": 100}
 """Number of scenarios of each distribution in the table."""
 PROOF_TIME = 10.0
 """Time budget for the proof of each K* [s]; a scenario of random-goal takes about 0.3 s, of random-hoops about 6 s."""

@@ -53,9 +53,9 @@ class CompiledFleet(Fleet):
         self.actions = self._padded[:n]
         self.hoops = np.zeros((n, config.hoops_most, 5))
         self.pending = np.zeros((n, config.disturbances.action_delay + 1, 2))
-        self.distribution = np.zeros(8)
+        self.distribution = np.zeros(0)
         if isinstance(config.problem, Distribution):
-            self.distribution[:] = config.problem.numbers
+            self.distribution = np.array(config.problem.numbers)
         else:
             self._write_scene(config.problem)
         self.settings = np.zeros(1, dtype=SETTINGS)

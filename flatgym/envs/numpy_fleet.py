@@ -13,7 +13,8 @@ from flatgym.envs.config import EnvConfig
 from flatgym.envs.fleet import Fleet, Mask, Record, ResetResult, Seeds, StepResult, not_finite
 from flatgym.quadrotor import Array
 from flatgym.scenarios.counter_rng import START, uniform
-from flatgym.scenarios.distributions import PER_HOOP, PLACED, Distribution
+from flatgym.scenarios.distributions import Distribution
+from flatgym.scenarios.layouts import PER_HOOP, PLACED
 from flatgym.scenarios.scenario import BOUNDS_MARGIN
 from flatgym.task.scene import FLYING, Integers, Scene
 

@@ -23,8 +23,8 @@ import numpy as np
 from numba.extending import register_jitable
 
 from flatgym.scenarios.counter_rng import mix, normal, uniform
-from flatgym.scenarios.distributions import uniforms_needed, write_scene
 from flatgym.scenarios.disturbances import write_disturbances
+from flatgym.scenarios.layouts import uniforms_needed, write_line, write_scene, write_track
 from flatgym.task.observation import OBSERVATION_NAMES
 
 compiled = numba.njit(error_model="numpy")
@@ -33,7 +33,7 @@ vectorized = numba.njit(error_model="numpy", fastmath={"contract", "arcp"})
 """Decorator of branch-free loops over a block."""
 cached = numba.njit(cache=True, error_model="numpy")
 """Decorator of functions called from Python; the compiled code is stored on disk."""
-for shared in (mix, uniform, normal, uniforms_needed, write_scene, write_disturbances):
+for shared in (mix, uniform, normal, uniforms_needed, write_scene, write_line, write_track, write_disturbances):
     register_jitable(shared)
 
 BLOCK = 64

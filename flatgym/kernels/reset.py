@@ -42,8 +42,8 @@ from flatgym.kernels.layout import (
 )
 from flatgym.kernels.reward import write_potential
 from flatgym.scenarios.counter_rng import DISTURBANCE, SCENE, START, uniform
-from flatgym.scenarios.distributions import PER_HOOP, PLACED, uniforms_needed, write_scene
 from flatgym.scenarios.disturbances import write_disturbances
+from flatgym.scenarios.layouts import PER_HOOP, PLACED, uniforms_needed, write_scene
 from flatgym.scenarios.scenario import BOUNDS_MARGIN
 from flatgym.task.observation import LENGTH_UNIT
 from flatgym.task.scene import FLYING

@@ -135,7 +135,7 @@ def advance(
         hoops: (x, z, direction x, direction z, diameter) of each hoop, shape (n, H, 5).
         pool: start states and hoops passed, shape (m, 6); m = 0 without a pool.
         settings: shape (1,), dtype SETTINGS.
-        distribution: parameters of the distribution of scenarios, shape (8,).
+        distribution: parameters of the distribution of scenarios, shape (11,); empty without one.
         pending: queues of delayed controls, shape (n, slots, 2).
         actions: shape (whole blocks, 2).
         given: requested starts, shape (n, 7), see `start_requested`; shape (0, 7) for a step.

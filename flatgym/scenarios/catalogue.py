@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import difflib
-import math
 from types import MappingProxyType
 from typing import TypeAlias
 
 from flatgym.scenarios.distributions import DISTRIBUTIONS, Distribution
 from flatgym.scenarios.scenario import Hoop, Scenario
+from flatgym.scenarios.tracks import TRACKS
 
 ScenarioLike: TypeAlias = str | Scenario
 """A name of SCENARIOS, a scenario as a JSON text, or a Scenario."""
@@ -17,7 +17,6 @@ Problem: TypeAlias = Scenario | Distribution
 ProblemLike: TypeAlias = str | Problem
 """A name of SCENARIOS or DISTRIBUTIONS, a scenario as a JSON text, a Scenario or a Distribution."""
 
-_QUARTER = math.pi / 2
 _NAMED = (
     *(Scenario(f"horizontal-{d}", (0.0, 0.0), (float(d), 0.0)) for d in (3, 6, 9, 12, 15)),
     Scenario("ground-6", (0.0, 0.0), (6.0, 0.0), floor=0.0),
@@ -26,26 +25,7 @@ _NAMED = (
     Scenario("climb", (0.0, 0.0), (0.0, 5.0)),
     Scenario("drop", (0.0, 0.0), (0.0, -5.0)),
     Scenario("high-hoop", (0.0, 0.0), (5.0, 5.0), hoops=(Hoop(2.5, 4.25, 0.5),)),
-    Scenario(
-        "slalom",
-        (0.0, 0.0),
-        (9.0, 0.0),
-        hoops=(Hoop(2.5, 1.5, 0.5), Hoop(5.0, -1.5, 0.5), Hoop(7.5, 1.5, 0.5)),
-    ),
-    # Four gaps on a circle, each passed along the tangent: passing them in order is a full vertical loop, after which
-    # the first gap is passed again.
-    Scenario(
-        "loop",
-        (0.0, 0.0),
-        (6.0, 0.0),
-        hoops=(
-            Hoop(3.0, 0.0, 1.0),
-            Hoop(4.5, 1.5, 1.0, _QUARTER),
-            Hoop(3.0, 3.0, 1.0, 2 * _QUARTER),
-            Hoop(1.5, 1.5, 1.0, 3 * _QUARTER),
-            Hoop(3.0, 0.0, 1.0),
-        ),
-    ),
+    *TRACKS,
 )
 
 SCENARIOS = MappingProxyType({scenario.name: scenario for scenario in _NAMED})

@@ -1,7 +1,6 @@
 """Distributions of scenarios: the scenario of an episode is a function of its seed and number.
 
-The goal is uniform in a square around the start, outside a minimum distance. Hoops are equally spaced on the line to
-the goal, displaced sideways and rotated by random amounts.
+Hoops lie on the line to a random goal, or on a track that wanders (`flatgym.scenarios.layouts`).
 """
 
 from __future__ import annotations
@@ -14,29 +13,30 @@ import numpy as np
 
 from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenarios.counter_rng import SCENE, uniform
+from flatgym.scenarios.layouts import PER_HOOP, PLACED, uniforms_needed, write_scene
 from flatgym.scenarios.scenario import Hoop, Scenario, Tolerance, steps_within
 from flatgym.validation import number, pair, positive
 
-TRIES = 4
-"""Maximum number of goals sampled until one is far enough; after that, the last is moved outwards."""
 HOOPS_MOST = 8
 """Maximum number of hoops of a sampled scenario."""
-PLACED, PER_HOOP = 3, 4
-"""Layout of a sampled scene: goal x, goal z, number of hoops; then x, z, angle, diameter of each hoop."""
 
 
 @dataclass(frozen=True)
 class Distribution:
     """Scenarios from the origin to a random goal, through a random number of hoops.
 
+    With `leg`, the scenarios are tracks, and `half_width` and `aside` have no effect. Without, `bend` has none.
+
     Attributes:
         name: its name; its scenarios are called name-seed-episode.
         half_width: half the width of the square of goals [m].
-        least_distance: minimum distance of the goal [m].
+        least_distance: minimum distance of the goal, and on tracks of any two of start, hoops and goal [m].
         hoops: minimum and maximum number of hoops.
         aside: maximum sideways displacement of a hoop, as a fraction of the hoop spacing.
-        turn: maximum angle between a hoop's direction and the line to the goal [rad].
+        turn: maximum angle between a hoop's direction and the line to the goal, or the bisector of its legs [rad].
         diameter: minimum and maximum width of a gap [m].
+        leg: minimum and maximum distance from one hoop of a track to the next [m]; None for hoops on a line.
+        bend: maximum angle between two consecutive legs of a track [rad].
         quadrotor, tolerance, dt, time_limit: as in Scenario, shared by all scenarios.
 
     Raises:
@@ -50,6 +50,8 @@ class Distribution:
     aside: float = 0.25
     turn: float = 0.5
     diameter: tuple[float, float] = (0.5, 1.0)
+    leg: tuple[float, float] | None = None
+    bend: float = 2.0
     quadrotor: Quadrotor = field(default_factory=Quadrotor)
     tolerance: Tolerance = field(default_factory=Tolerance)
     dt: float = 0.02
@@ -59,17 +61,13 @@ class Distribution:
         owner = "Distribution"
         for name in ("half_width", "least_distance"):
             object.__setattr__(self, name, positive(owner, name, getattr(self, name)))
-        for name in ("aside", "turn"):
+        for name in ("aside", "turn", "bend"):
             object.__setattr__(self, name, number(owner, name, getattr(self, name)))
         for name, kind in (("name", str), ("quadrotor", Quadrotor), ("tolerance", Tolerance)):
             if not isinstance(getattr(self, name), kind):
                 raise ValueError(f"{owner}.{name} must be a {kind.__name__}, got {getattr(self, name)!r}")
         self._check_hoops()
-        if not self.tolerance.position < self.least_distance <= self.half_width:
-            raise ValueError(
-                f"Distribution.least_distance must lie above tolerance.position = {self.tolerance.position} m and not "
-                f"above half_width = {self.half_width} m, got {self.least_distance}"
-            )
+        self._check_distances()
         self.scenario(0, 0)  # validates vehicle, dt and time limit
 
     def _check_hoops(self) -> None:
@@ -84,13 +82,34 @@ class Distribution:
                 f"Distribution.diameter must be two widths a <= b above twice the radius "
                 f"{self.quadrotor.radius} m, got {self.diameter}"
             )
-        if abs(self.turn) > math.pi:
-            raise ValueError(f"Distribution.turn must lie within half a turn, pi, got {self.turn}")
-        number("Distribution", "half_width * sqrt(2) * (1 + |aside|), the farthest hoop,", self.farthest)
+        for name in ("turn", "bend"):
+            if abs(getattr(self, name)) > math.pi:
+                raise ValueError(f"Distribution.{name} must lie within half a turn, pi, got {getattr(self, name)}")
+
+    def _check_distances(self) -> None:
+        most, limit, far = self.half_width, "half_width", "half_width * sqrt(2) * (1 + |aside|)"
+        if self.leg is not None:
+            short, long = (positive("Distribution", "leg", length) for length in pair("Distribution", "leg", self.leg))
+            if not short <= long:
+                raise ValueError(f"Distribution.leg must be two lengths a <= b, got {self.leg}")
+            if self.least_distance < self.diameter[1]:
+                raise ValueError(
+                    f"Distribution.least_distance must be at least diameter[1] = {self.diameter[1]} m on tracks, so "
+                    f"that no two gaps touch, got {self.least_distance}"
+                )
+            most, limit, far = short, "leg[0]", "leg[1] * (hoops[1] + 1)"
+        if not self.tolerance.position < self.least_distance <= most:
+            raise ValueError(
+                f"Distribution.least_distance must lie above tolerance.position = {self.tolerance.position} m and not "
+                f"above {limit} = {most} m, got {self.least_distance}"
+            )
+        number("Distribution", f"{far}, the farthest hoop,", self.farthest)
 
     @property
     def farthest(self) -> float:
         """An upper bound of the distance of goal and hoops from the start [m]."""
+        if self.leg is not None:
+            return (self.hoops[1] + 1) * self.leg[1]
         return self.half_width * math.sqrt(2) * (1 + abs(self.aside))
 
     @property
@@ -127,7 +146,7 @@ class Distribution:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The parameters of `write_scene`, shape (8,)."""
+        """The parameters of `write_scene`, shape (11,); the legs of scenarios that are not tracks are 0."""
         return (
             self.half_width,
             self.least_distance,
@@ -136,41 +155,9 @@ class Distribution:
             self.aside,
             self.turn,
             *self.diameter,
+            *(self.leg or (0.0, 0.0)),
+            self.bend,
         )
-
-
-def uniforms_needed(hoops: int) -> int:
-    """Return the number of uniform numbers for a scene with up to this many hoops."""
-    return 2 * TRIES + 1 + 3 * hoops
-
-
-def write_scene(u: Any, numbers: Any, scene: Any) -> None:
-    """Write a scene in the layout of PLACED and PER_HOOP from uniform numbers u, shape (draws, ...), elementwise.
-
-    Branch-free, so that the same code serves NumPy arrays and the compiled kernel.
-    """
-    half, least, fewest, most, aside, turn, narrow, wide = numbers
-    x, z = half * (2 * u[0] - 1), half * (2 * u[1] - 1)
-    for i in range(1, TRIES):
-        near = 1.0 * (x * x + z * z < least * least)
-        x = (1 - near) * x + near * half * (2 * u[2 * i] - 1)
-        z = (1 - near) * z + near * half * (2 * u[2 * i + 1] - 1)
-    # About once in many millions the goal is still too near. The 1e-300 avoids 0/0 for a goal on the start itself.
-    way = np.sqrt(x * x + z * z)
-    far = np.maximum(way, least)
-    x, z = x * far / np.maximum(way, 1e-300), z * far / np.maximum(way, 1e-300)
-    count = fewest + np.floor(u[2 * TRIES] * (most - fewest + 1))
-    along_x, along_z = x / far, z / far
-    scene[0] = x
-    scene[1] = z
-    scene[2] = count
-    for j in range(int(most)):
-        first = uniforms_needed(j)
-        share, shift = (j + 1) / (count + 1), far / (count + 1) * aside * (2 * u[first] - 1)
-        scene[PLACED + PER_HOOP * j] = share * x - shift * along_z
-        scene[PLACED + PER_HOOP * j + 1] = share * z + shift * along_x
-        scene[PLACED + PER_HOOP * j + 2] = np.arctan2(along_z, along_x) + turn * (2 * u[first + 1] - 1)
-        scene[PLACED + PER_HOOP * j + 3] = narrow + (wide - narrow) * u[first + 2]
 
 
 DISTRIBUTIONS = {
@@ -178,6 +165,7 @@ DISTRIBUTIONS = {
     for distribution in (
         Distribution("random-goal"),
         Distribution("random-hoops", least_distance=3.0, hoops=(1, 3)),
+        Distribution("random-track", least_distance=1.5, hoops=(4, 8), leg=(2.0, 4.0), time_limit=10.0),
     )
 }
 """The named distributions, by name."""

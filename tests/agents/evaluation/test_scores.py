@@ -88,7 +88,7 @@ def test_a_failing_policy_has_no_gap(optimum):
     assert row.outcomes == {"out-of-bounds": 2}
 
 
-@pytest.mark.parametrize("name", DISTRIBUTIONS)
+@pytest.mark.parametrize("name", ["random-goal", "random-hoops"])
 def test_a_distribution_is_scored_on_the_evaluation_seeds_without_a_solver(name, no_solver):  # noqa: ARG001
     rows = episode_rows(OpenLoop([DROP]), name, episodes=300)
     known = drawn_k_star(name, EVALUATION_SEED + np.arange(300))

@@ -56,8 +56,11 @@ def listed(monkeypatch, capsys):
 def test_list_names_every_scenario_and_distribution(monkeypatch, capsys):
     rows = listed(monkeypatch, capsys)
     assert list(rows) == [*SCENARIOS, *DISTRIBUTIONS]
-    assert [row["kind"] for row in rows.values()] == ["scenario"] * len(SCENARIOS) + ["distribution"] * 2
-    assert (rows["random-goal"]["hoops"], rows["random-hoops"]["hoops"]) == (0, "1 to 3")
+    assert [row["kind"] for row in rows.values()] == ["scenario"] * len(SCENARIOS) + ["distribution"] * len(
+        DISTRIBUTIONS
+    )
+    assert [rows[name]["hoops"] for name in DISTRIBUTIONS] == [0, "1 to 3", "4 to 8"]
+    assert "2 to 4 m" in rows["random-track"]["goal"]
 
 
 def test_list_tells_what_is_known_of_each_optimum(monkeypatch, capsys):

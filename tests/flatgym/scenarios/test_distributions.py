@@ -5,13 +5,21 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 from scipy.stats import chisquare, kstest
 
 import flatgym
 from flatgym import DISTRIBUTIONS, SCENARIOS, Distribution, Quadrotor, Scenario, Tolerance
-from flatgym.scenarios.distributions import PER_HOOP, PLACED
+from flatgym.envs.compiled_fleet import CompiledFleet
+from flatgym.envs.config import EnvConfig
+from flatgym.scenarios.counter_rng import DISTURBANCE, SCENE
+from flatgym.scenarios.distributions import HOOPS_MOST
+from flatgym.scenarios.layouts import PER_HOOP, PLACED, uniforms_needed
 
 COUNT = 20_000
+TRACK = DISTRIBUTIONS["random-track"]
+CROWDED = replace(TRACK, name="crowded", least_distance=2.0, leg=(2.0, 2.0), bend=np.pi)
+"""Tracks that often turn back to an earlier hoop."""
 
 
 def drawn(name, count=COUNT):
@@ -71,6 +79,69 @@ def test_an_environment_uses_the_scenarios_of_its_seed_in_order(name):
     assert Scenario.from_json(expected.to_json()) == expected
 
 
+def places(distribution, count):
+    """Return the start, hoops and goal of tracks, and the directions of their hoops, one pair a track."""
+    seeds = np.arange(count, dtype=np.uint64)
+    for row in distribution.draw(seeds, np.zeros_like(seeds)):
+        hoops = row[PLACED:].reshape(-1, PER_HOOP)[: int(row[2])]
+        yield np.array([(0.0, 0.0), *hoops[:, 0:2], row[0:2]]), np.exp(1j * hoops[:, 2])
+
+
+@pytest.mark.parametrize("distribution", [TRACK, CROWDED], ids=lambda distribution: distribution.name)
+def test_no_two_places_of_a_track_are_near_each_other(distribution):
+    least, farthest = distribution.least_distance, distribution.farthest
+    assert least >= distribution.diameter[1]  # so no two gaps touch
+    for points, _ in places(distribution, 5000):
+        assert pdist(points).min() >= least - 1e-9
+        assert np.linalg.norm(points, axis=1).max() <= farthest
+
+
+def test_tracks_have_every_number_of_hoops_and_every_direction():
+    rows = drawn("random-track")
+    assert chisquare(np.bincount(rows[:, 2].astype(int))[4:]).pvalue > 1e-3
+    hoops = rows[:, PLACED:].reshape(COUNT, -1, PER_HOOP)[:, 0]
+    assert kstest(hoops[:, 2] % (2 * np.pi), "uniform", args=(0, 2 * np.pi)).pvalue > 1e-3
+    assert kstest(hoops[:, 3], "uniform", args=(0.5, 0.5)).pvalue > 1e-3
+
+
+def test_legs_bend_and_hoops_face_them_as_documented():
+    outwards, legs_seen = 0, 0
+    for points, facing in places(TRACK, 5000):
+        legs = np.diff(points, axis=0) @ [1, 1j]
+        turned = np.abs(np.angle(legs[1:] / legs[:-1]))
+        usual = (np.abs(legs) >= 2.0 - 1e-9) & (np.abs(legs) <= 4.0 + 1e-9)
+        usual[1:] &= turned <= TRACK.bend + 1e-9
+        outwards, legs_seen = outwards + np.sum(~usual), legs_seen + len(legs)
+        way = points[:, 0] + 1j * points[:, 1]
+        # The other legs lead straight away from the start, to a place beyond all earlier ones.
+        for i in np.flatnonzero(~usual):
+            assert abs(way[i + 1]) == pytest.approx(np.abs(way[: i + 1]).max() + TRACK.least_distance)
+            assert np.angle(way[i + 1] / way[i]) == pytest.approx(0)
+        bisector = legs[1:] / np.abs(legs[1:]) + legs[:-1] / np.abs(legs[:-1])
+        assert np.abs(np.angle(facing / bisector)).max() <= TRACK.turn + 1e-9
+        both = usual[1:] & usual[:-1]
+        assert np.all((facing * legs[1:].conj()).real[both] > 0)
+        assert np.all((facing * legs[:-1].conj()).real[both] > 0)
+    assert 0 < outwards < 0.005 * legs_seen
+
+
+@pytest.mark.parametrize("distribution", [*DISTRIBUTIONS.values(), CROWDED], ids=lambda distribution: distribution.name)
+def test_compiled_scenes_are_the_scenarios(distribution):
+    n, most = 200, distribution.hoops[1]
+    fleet = CompiledFleet(EnvConfig(distribution), n)
+    fleet.reseed(np.ones(n, dtype=bool), np.arange(n))
+    fleet.reset(np.ones(n, dtype=bool))
+    for i in range(n):
+        scenario = distribution.scenario(i)
+        expected = [(*hoop.centre, *hoop.direction, hoop.diameter) for hoop in scenario.hoops]
+        np.testing.assert_allclose(fleet.hoops[i, : len(expected)], np.reshape(expected, (-1, 5)), rtol=0, atol=1e-12)
+        assert len(scenario.hoops) <= most
+
+
+def test_the_numbers_of_a_scene_are_its_own():
+    assert SCENE + uniforms_needed(HOOPS_MOST) <= DISTURBANCE
+
+
 def test_a_goal_too_near_after_all_tries_is_moved_outwards():
     tight = Distribution("tight", half_width=1.0, least_distance=1.0)
     for seed in range(300):
@@ -95,6 +166,24 @@ def test_a_goal_too_near_after_all_tries_is_moved_outwards():
 def test_invalid_distributions_are_rejected(changes, words):
     with pytest.raises(ValueError, match=words):
         replace(DISTRIBUTIONS["random-goal"], **changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"leg": (3.0, 2.0)}, r"leg must be two lengths a <= b, got \(3\.0, 2\.0\)"),
+        ({"leg": (0.0, 2.0)}, "leg must be positive, got 0"),
+        ({"leg": 2.0}, "leg must be"),
+        ({"leg": (1.0, 2.0)}, r"least_distance must lie above .* and not above leg\[0\] = 1\.0 m, got 1\.5"),
+        ({"least_distance": 0.9}, r"at least diameter\[1\] = 1\.0 m on tracks, so that no two gaps touch, got 0\.9"),
+        ({"bend": 3.2}, "bend must lie within half a turn, pi, got 3.2"),
+        ({"bend": np.nan}, "bend must be finite"),
+        ({"leg": (2.0, 5e5)}, r"leg\[1\] \* \(hoops\[1\] \+ 1\), the farthest hoop, must lie within 1e\+06 of zero"),
+    ],
+)
+def test_invalid_tracks_are_rejected(changes, words):
+    with pytest.raises(ValueError, match=words):
+        replace(TRACK, **changes)
 
 
 def test_a_distribution_is_not_a_scenario():
