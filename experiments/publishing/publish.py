@@ -22,7 +22,7 @@ from experiments.publishing.environments import environments
 from experiments.publishing.learners import learners, scores
 from experiments.publishing.paper import paper
 from experiments.publishing.policies import pretrained
-from experiments.publishing.scenarios import sheet, table
+from experiments.publishing.scenarios import sheet, table, tracks
 from experiments.publishing.solvers import methods, optima
 from flatgym.files import write_text
 from flatgym.quadrotor import Quadrotor
@@ -103,5 +103,6 @@ def draw(folder: Path) -> None:
     """Draw all pictures of the published results to a folder."""
     benchmark = published("benchmark.json")
     write_text(folder / "scenarios.svg", sheet())
+    write_text(folder / "tracks.svg", tracks())
     pictures.draw(folder, benchmark, published("paper.json"))
     learner_figure.draw(folder, published("learners.json"))

@@ -1,19 +1,36 @@
-"""The named scenarios: a table with their best-known solutions, and a sheet of pictures, drawn as plain SVG."""
+"""The named scenarios: a table with their best-known solutions, and two sheets of pictures, drawn as plain SVG."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from experiments.publishing.markdown import markdown
-from flatgym import SCENARIOS, Scenario, reference
+from flatgym import DISTRIBUTIONS, SCENARIOS, Scenario, reference
 from flatgym.quadrotor import Array
 from flatgym.scenarios.reference import ghost_states
+from flatgym.scenarios.tracks import TRACKS
 
-COLUMNS, TILE, CAPTION, EDGE = 5, 180.0, 26.0, 14.0
+COLUMNS, TILE, CAPTION, EDGE = 4, 180.0, 26.0, 14.0
 """Tiles in a row; side of a tile's picture, height of its caption, and its inner margin [px]."""
+PANELS = (
+    (("split-s", 300.0), ("figure-eight", 360.0), ("ladder", 240.0)),
+    (("loop", 300.0), ("slalom", 600.0)),
+    (("slalom-6", 900.0),),
+    (("zigzag-12", 900.0),),
+    tuple((f"random-track-{seed}", 300.0) for seed in range(3)),
+)
+"""Rows of the sheet of tracks: the name of each picture, or the seed of a sampled track, and its width [px]."""
+HEIGHTS = (260.0, 220.0, 170.0, 120.0, 260.0)
+"""Heights of the pictures in these rows, without captions [px]."""
 VEHICLE, EVERY = 0.34, 6
 """Drawn length of the vehicle [m], and the steps between two drawings of it."""
-INK, PATH, HOOP, GROUND = "#20242a", "#2f6fb3", "#d1495b", "#8a8f98"
+LARGEST_SCALE = 50.0
+"""Largest number of pixels of a metre."""
+INK, PATH, THRUST, HOOP, GROUND = "#20242a", "#2f6fb3", "#e0a030", "#d1495b", "#8a8f98"
 OPENING = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" width="{width:.0f}" '
     'height="{height:.0f}" font-family="sans-serif" font-size="14">'
@@ -36,49 +53,109 @@ def table() -> str:
 
 
 def sheet() -> str:
-    """Return the pictures of the named scenarios, each with its best-known flight in equal time steps, as SVG."""
-    rows = -(-len(SCENARIOS) // COLUMNS)
-    width, height = COLUMNS * TILE, rows * (TILE + CAPTION)
+    """Return the pictures of the scenarios that are no tracks, with their best-known flights, as SVG."""
+    names = [name for name in SCENARIOS if SCENARIOS[name] not in TRACKS]
+    rows = [[(name, TILE) for name in names[i : i + COLUMNS]] for i in range(0, len(names), COLUMNS)]
+    return drawing(rows, [TILE] * len(rows))
+
+
+def tracks() -> str:
+    """Return the pictures of the named tracks with their best-known flights, and of sampled tracks, as SVG."""
+    return drawing(PANELS, HEIGHTS)
+
+
+def drawing(rows: Sequence[Sequence[tuple[str, float]]], heights: Sequence[float]) -> str:
+    """Return rows of pictures as SVG; arguments as PANELS and HEIGHTS."""
+    width, height = max(sum(wide for _, wide in row) for row in rows), sum(heights) + CAPTION * len(rows)
     parts = [
         OPENING.format(width=width, height=height),
         f'<rect width="{width:.0f}" height="{height:.0f}" fill="#fff"/>',
     ]
-    for i, scenario in enumerate(SCENARIOS.values()):
-        left, top = (i % COLUMNS) * TILE, (i // COLUMNS) * (TILE + CAPTION)
-        parts.append(f'<g transform="translate({left:.0f} {top:.0f})">{picture(scenario)}</g>')
+    top = 0.0
+    for row, tall in zip(rows, heights, strict=True):
+        left = 0.0
+        for name, wide in row:
+            parts.append(f'<g transform="translate({left:.0f} {top:.0f})">{picture(name, wide, tall)}</g>')
+            left += wide
+        top += tall + CAPTION
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
-def picture(scenario: Scenario) -> str:
-    """Return the elements of one tile."""
-    states = ghost_states(scenario)
-    ends = [point for hoop in scenario.hoops for point in hoop.rims]
-    points = np.array([*states[:, 0:2], scenario.goal, *ends])
-    low, high = points.min(axis=0) - VEHICLE / 2, points.max(axis=0) + VEHICLE / 2
-    scale = float(min((TILE - 2 * EDGE) / max(*(high - low), 3.0), 60.0))
-    middle = (low + high) / 2
+def picture(name: str, width: float, height: float) -> str:
+    """Return the elements of one picture: a named scenario with its best-known flight, or a sampled track."""
+    scenario, states = scenario_and_flight(name)
+    rims = [rim for hoop in scenario.hoops for rim in hoop.rims]
+    frame = Frame.of(np.array([*states[:, 0:2], scenario.start, scenario.goal, *rims]), width, height)
+    parts = [f'<text x="{width / 2:.0f}" y="18" text-anchor="middle" fill="{INK}">{name}</text>']
+    if scenario.floor is not None:
+        parts.append(frame.level(scenario.floor))
+    if len(states):
+        parts.append(frame.polyline(states[:, 0:2], f'stroke="{PATH}" stroke-width="1.5"'))
+    else:
+        corners = np.array([scenario.start, *(hoop.centre for hoop in scenario.hoops), scenario.goal])
+        parts.append(frame.polyline(corners, f'stroke="{GROUND}" stroke-dasharray="4 3"'))
+    for x, z, _, _, theta in states[::EVERY]:
+        centre, sin, cos = np.array([x, z]), np.sin(theta), np.cos(theta)
+        parts.append(frame.line(centre, centre + VEHICLE / 2 * np.array([sin, cos]), THRUST, 1.5))
+        arm = VEHICLE / 2 * np.array([cos, -sin])
+        parts.append(frame.line(centre - arm, centre + arm, PATH, 2))
+    parts += [frame.line(hoop.rims[0], hoop.rims[1], HOOP, 3) for hoop in scenario.hoops]
+    parts += [frame.dot(scenario.start, 5.5, "#fff"), frame.dot(scenario.goal, 4, INK)]
+    return "".join(parts)
 
-    def place(point: Array) -> str:
-        x, z = (np.asarray(point) - middle) * scale
-        return f"{TILE / 2 + x:.1f},{TILE / 2 + CAPTION - z:.1f}"
 
-    def line(first: Array, last: Array, colour: str, width: float) -> str:
-        (x1, y1), (x2, y2) = place(first).split(","), place(last).split(",")
+def scenario_and_flight(name: str) -> tuple[Scenario, Array]:
+    """Return a named scenario and the states of its best-known flight, or a sampled scenario and no states."""
+    if name in SCENARIOS:
+        return SCENARIOS[name], ghost_states(name)
+    distribution, _, seed = name.rpartition("-")
+    return DISTRIBUTIONS[distribution].scenario(int(seed)), np.zeros((0, 5))
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The mapping from metres to the pixels of one picture, and the SVG elements in it.
+
+    Attributes:
+        middle: the point at the picture's centre [m], shape (2,).
+        scale: pixels of a metre.
+        width, height: of the picture without its caption [px].
+    """
+
+    middle: Array
+    scale: float
+    width: float
+    height: float
+
+    @classmethod
+    def of(cls, points: Array, width: float, height: float) -> Frame:
+        """Return the frame that shows points, shape (n, 2), and a vehicle at each of them."""
+        low, high = points.min(axis=0) - VEHICLE / 2, points.max(axis=0) + VEHICLE / 2
+        fits = (np.array([width, height]) - 2 * EDGE) / (high - low)
+        return cls((low + high) / 2, float(min(*fits, LARGEST_SCALE)), width, height)
+
+    def place(self, point: ArrayLike) -> tuple[float, float]:
+        """Return the pixels of a point [m]."""
+        x, z = (np.asarray(point) - self.middle) * self.scale
+        return round(self.width / 2 + float(x), 1), round(self.height / 2 + CAPTION - float(z), 1)
+
+    def line(self, first: ArrayLike, last: ArrayLike, colour: str, width: float) -> str:
+        """Return a straight line between two points."""
+        (x1, y1), (x2, y2) = self.place(first), self.place(last)
         style = f'stroke="{colour}" stroke-width="{width}" stroke-linecap="round"'
         return f'<line x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" {style}/>'
 
-    parts = [f'<text x="{TILE / 2:.0f}" y="18" text-anchor="middle" fill="{INK}">{scenario.name}</text>']
-    if scenario.floor is not None:
-        wide = (TILE / 2 - EDGE / 2) / scale
-        left, right = (np.array([middle[0] + side * wide, scenario.floor]) for side in (-1, 1))
-        parts.append(line(left, right, GROUND, 2))
-    track = " ".join(place(state[0:2]) for state in states)
-    parts.append(f'<polyline points="{track}" fill="none" stroke="{PATH}" stroke-width="1.5"/>')
-    for state in states[::EVERY]:
-        arm = VEHICLE / 2 * np.array([np.cos(state[4]), -np.sin(state[4])])
-        parts.append(line(state[0:2] - arm, state[0:2] + arm, PATH, 2))
-    parts += [line(hoop.rims[0], hoop.rims[1], HOOP, 3) for hoop in scenario.hoops]
-    for point, fill in ((scenario.start, "#fff"), (scenario.goal, INK)):
-        x, y = place(np.array(point)).split(",")
-        parts.append(f'<circle cx="{x}" cy="{y}" r="4" fill="{fill}" stroke="{INK}" stroke-width="1.5"/>')
-    return "".join(parts)
+    def polyline(self, points: Array, style: str) -> str:
+        """Return the line through points, shape (n, 2)."""
+        corners = " ".join(f"{x},{y}" for x, y in map(self.place, points))
+        return f'<polyline points="{corners}" fill="none" {style}/>'
+
+    def level(self, height: float) -> str:
+        """Return a line at a height [m], across the picture."""
+        half = (self.width - EDGE) / 2 / self.scale
+        return self.line((self.middle[0] - half, height), (self.middle[0] + half, height), GROUND, 2)
+
+    def dot(self, point: ArrayLike, radius: float, fill: str) -> str:
+        """Return a dot with a dark rim."""
+        x, y = self.place(point)
+        return f'<circle cx="{x}" cy="{y}" r="{radius}" fill="{fill}" stroke="{INK}" stroke-width="1.5"/>'
