@@ -37,7 +37,7 @@ from flatgym import SCENARIOS
 BASELINE, OURS = "CartPole-v1", "FlatQuad-v0"
 ROUNDS, SECONDS = 25, 0.15
 """Timed runs of each candidate, and their length [s]; short runs keep the compared ones close in time."""
-SCENARIO, DRAWN = "hoop", ("random-hoops", "random-goal")
+SCENARIO, DRAWN = "hoop", ("random-hoops", "random-goal", "random-track")
 """The scenario with the target, and the distributions, which sample a scenario for each episode."""
 ENVS, BASELINE_ENVS = 4096, 1024
 LADDER = (1, 16, 256, 1024, 16384)
