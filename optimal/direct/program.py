@@ -51,7 +51,7 @@ MIN_COARSE_STEPS = 12
 CROSSING_SPEED = 1e-3
 """Least speed through a hoop [m/s]. A flight that turns round at a hoop would only touch its line; at this speed it
 crosses the line by 1e-8 m or more, which costs up to 1e-4 s."""
-LONGEST_PHASE, SHORTEST_STEP = 20.0, 1e-5
+LONGEST_PHASE, SHORTEST_STEP = 20.0, 1e-6
 """Longest phase and shortest step that the solver considers [s]."""
 
 

@@ -1,7 +1,8 @@
 """The environment's optimum K*: the fewest steps of dt that end within the tolerance.
 
-The search starts from the fastest flights from rest to rest on the coarse grid, one of each local optimum. Their
-costates (r, q, p) estimate what the tolerance saves, to first order
+The search starts from the fastest flights from rest to rest, one of each local optimum. They are solved on the coarse
+grid. With two or more hoops they are solved on the full grid, because local optima are many there, and differ by less
+than the error of the coarse grid. Their costates (r, q, p) estimate what the tolerance saves, to first order
 
     T - T_tolerant = position |r| + speed |q(T)| + angle |p(T)|.
 
@@ -24,12 +25,11 @@ from flatgym.quadrotor import Array
 from flatgym.scenarios.catalogue import ScenarioLike, scenario
 from flatgym.scenarios.scenario import Scenario
 from optimal.direct.feasibility import beyond_horizon, infeasibility_proof
-from optimal.direct.multistart import coarse_multistart, distinct_optima
+from optimal.direct.multistart import coarse_multistart, distinct_optima, search
 from optimal.direct.shooting import WINDINGS, ShootingSolution
-from optimal.discrete.fixed_steps import StepSolution, solve_in_steps
+from optimal.discrete.fixed_steps import StepSolution, remove_one_step, solve_in_steps
 from optimal.flights.projection_bound import projection_bound
 from optimal.flights.solution import SolveFailed, Status
-from optimal.flights.trajectory import Trajectory
 
 TIME_BUDGET = 5.0
 """Time limit of the proof that fewer steps are impossible [s]."""
@@ -37,6 +37,8 @@ EXTRA_STEPS = 8
 """Most K that are tried upwards, beginning with the first that seems possible."""
 COARSE_GRID_ERROR = 0.02
 """Largest relative excess of a flight time on the coarse grid over one in environment steps."""
+FULL_GRID_ERROR = 3e-3
+"""The same on the full grid."""
 STARTS = 2
 """Starts for each winding; with three no random goal takes fewer steps."""
 
@@ -105,8 +107,7 @@ def fewest_steps(
     infeasible = infeasibility_proof(target)
     obstacle, shots = infeasible or beyond_horizon(target), []
     if not obstacle:
-        tried = coarse_multistart(target, windings, starts=STARTS, slack=COARSE_GRID_ERROR)
-        shots = [alike[0] for alike in distinct_optima(tried)]
+        shots = starting_flights(target, windings)
     found = search_steps(target, shots, bound)
     if found is not None:
         steps, reason = len(found.actions), ""
@@ -137,6 +138,14 @@ def _proven_bound(
     return max(bound, least_steps(proof)), proof.verdict.value
 
 
+def starting_flights(target: Scenario, windings: Sequence[int]) -> list[ShootingSolution]:
+    """Return flights from rest to rest, one of each local optimum, the fastest first."""
+    if len(target.hoops) > 1:
+        return list(search(target, windings=windings, starts=STARTS).shots)
+    tried = coarse_multistart(target, windings, starts=STARTS, slack=COARSE_GRID_ERROR)
+    return [alike[0] for alike in distinct_optima(tried)]
+
+
 def _time_limit_too_short(target: Scenario, bound: int) -> str:
     return (
         f"Any flight needs at least {bound} steps of {target.dt} s, and time_limit = {target.time_limit} s allows "
@@ -160,9 +169,10 @@ def search_steps(target: Scenario, shots: Sequence[ShootingSolution], bound: int
         bound: fewer steps than this are impossible.
     """
     best: StepSolution | None = None
+    error = COARSE_GRID_ERROR if len(target.hoops) < 2 else FULL_GRID_ERROR
     for shot in shots:
         duration = expected_duration(target, shot)
-        least = max(bound, math.ceil(duration * (1 - COARSE_GRID_ERROR) / target.dt))
+        least = max(bound, math.ceil(duration * (1 - error) / target.dt))
         first = max(bound, math.ceil(duration / target.dt))
         count = min(first, target.max_steps if best is None else len(best.actions) - 1)
         if count < least:
@@ -180,12 +190,10 @@ def search_steps(target: Scenario, shots: Sequence[ShootingSolution], bound: int
 def one_step_less(target: Scenario, shot: ShootingSolution, best: StepSolution) -> StepSolution | None:
     """Return a flight of at least one step less than the best; None if none is found.
 
-    With hoops, a second attempt starts from the best flight itself. Without hoops it is left out, because all starts
+    With hoops, further attempts start from the best flight itself. Without hoops they are left out, because all starts
     led to the same m.
     """
-    count = len(best.actions) - 1
-    found = solve_in_steps(target, shot.trajectory, shot.winding, count)
+    found = solve_in_steps(target, shot.trajectory, shot.winding, len(best.actions) - 1)
     if found is not None or not target.hoops:
         return found
-    time, controls = target.dt * np.arange(count + 2.0), target.quadrotor.control(best.actions)
-    return solve_in_steps(target, Trajectory(time, best.states, controls, target.quadrotor), best.winding, count)
+    return remove_one_step(target, best)

@@ -25,6 +25,8 @@ ARRIVAL_MARGIN = 1e-3
 """Distance of m from 1 that counts as arrived: float32 actions move the end by less."""
 STEP_EDGE = 0.02
 """A crossing this near to an end of its step, as a share of the step, is moved to the neighbouring step."""
+PARALLEL = 1e-6
+"""Sine of the angle between two hoops below which they count as parallel."""
 MAX_ROUNDS = 6
 """Most assignments of hoops to steps that are tried."""
 
@@ -45,7 +47,15 @@ class StepSolution(NamedTuple):
     tolerance_used: float
 
 
-def solve_in_steps(target: Scenario, flight: Trajectory, winding: int, count: int) -> StepSolution | None:
+def solve_in_steps(
+    target: Scenario,
+    flight: Trajectory,
+    winding: int,
+    count: int,
+    *,
+    crossings: tuple[int, ...] | None = None,
+    persistent: bool = True,
+) -> StepSolution | None:
     """Return a flight of at most `count` steps near another one; None if none is found.
 
     Args:
@@ -53,8 +63,10 @@ def solve_in_steps(target: Scenario, flight: Trajectory, winding: int, count: in
         flight: a flight through all hoops, of any duration.
         winding: whole turns of its tilt.
         count: K.
+        crossings: the step in which each hoop is crossed, tried first; None takes them from the flight.
+        persistent: whether to try further assignments of hoops to steps after a solve that failed.
     """
-    crossings = crossing_steps(target, flight, count)
+    crossings = crossing_steps(target, flight, count) if crossings is None else crossings
     tried: set[tuple[int, ...]] = set()
     guess = program.first_guess(target, flight, count)
     rims = bool(target.hoops) and target.quadrotor.radius > 0
@@ -72,12 +84,49 @@ def solve_in_steps(target: Scenario, flight: Trajectory, winding: int, count: in
                 margins.pop(0)
                 tried.discard(crossings)
                 continue
+        if not (persistent or math.isfinite(found.m)):
+            break
         shift = (found.shares > 1 - STEP_EDGE).astype(int) - (found.shares < STEP_EDGE)
-        crossings = tuple(int(j) for j in np.clip(np.array(crossings, int) + shift, 0, count - 1))
+        crossings = separated(target, np.array(crossings) + shift, count)
+    return None
+
+
+def remove_one_step(target: Scenario, best: StepSolution) -> StepSolution | None:
+    """Return a flight of at least one step less near a flight in steps; None if none is found.
+
+    The step is taken from one segment between start, hoops and goal after the other, the last one first: most flights
+    can be shortened near the goal, where the tolerance is.
+    """
+    count, hoops = len(best.actions) - 1, np.arange(len(target.hoops))
+    time, controls = target.dt * np.arange(count + 2.0), target.quadrotor.control(best.actions)
+    flight = Trajectory(time, best.states, controls, target.quadrotor)
+    passed = np.array(crossing_steps(target, flight, count + 1))
+    for segment in range(len(passed), -1, -1):
+        crossings = separated(target, passed - (hoops[: len(passed)] >= segment), count)
+        found = solve_in_steps(target, flight, best.winding, count, crossings=crossings, persistent=False)
+        if found is not None:
+            return found
     return None
 
 
 def crossing_steps(target: Scenario, flight: Trajectory, count: int) -> tuple[int, ...]:
     """Return the step in which a flight, divided into `count` steps, crosses each hoop; fewer if it misses one."""
     times = crossing_times(flight, target) if target.hoops else np.zeros(0)
-    return tuple(int(j) for j in np.clip(np.floor(times / flight.duration * count), 0, count - 1))
+    return separated(target, np.floor(times / flight.duration * count), count)
+
+
+def separated(target: Scenario, steps: Array, count: int) -> tuple[int, ...]:
+    """Return steps in which hoops are crossed, moved apart where the flight has to turn round between two hoops.
+
+    Between two parallel hoops of opposite directions it turns round once, which takes a step. Where the second of two
+    parallel hoops of the same direction is not ahead of the first, it turns round twice. Free flights may do both in
+    less than a step.
+    """
+    found = [int(j) for j in steps]
+    for i in range(1, len(found)):
+        before, hoop = target.hoops[i - 1], target.hoops[i]
+        same = float(before.direction @ hoop.direction)
+        if abs(float(before.across @ hoop.direction)) < PARALLEL:
+            back = same > 0 and float((hoop.centre - before.centre) @ hoop.direction) <= 0
+            found[i] = max(found[i], found[i - 1] + (2 if back else int(same < 0)))
+    return tuple(min(max(j, 0), count - 1) for j in found)

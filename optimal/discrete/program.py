@@ -55,6 +55,8 @@ converges does so within 60 iterations. On infeasible programs Fatrop's restorat
 low limit of iterations makes that rare."""
 HOOP_MARGIN = 1e-5
 """Distance of a planned crossing from the ends of the gap [m]: float32 actions move the path by less."""
+SMALLEST_DIVISOR = 1e-3
+"""Speed [m/s] and length of a step [m] towards a hoop below which the instant of its passage is not resolved."""
 RIM_MARGINS = (1e-3, 5e-3)
 """Distances beyond its radius that the body keeps from the rims at the constrained points [m], tried in this order:
 between points 5 cm apart a body of radius 0.1 m can dip in by 3 mm, but most flights keep a larger distance anyway."""
@@ -94,14 +96,19 @@ class StepFlight(NamedTuple):
     shares: Array
 
 
+def _inverse(value: Any) -> Any:
+    """Return 1 / value, relatively less by (SMALLEST_DIVISOR / value)^2, and 0 for 0: the guess may rest on a hoop."""
+    return value / (value**2 + SMALLEST_DIVISOR**2)
+
+
 def _inside_step(at: StageSymbols) -> Any:
     """Return the distance along a hoop before and after the step, and offset and speed along at the crossing, (4,)."""
     arc, gravity, hoop = at.arc, at.parameters.gravity, at.parameters.hoops[:, at.hoop]
     before = relative_to_hoop(arc[:5], hoop)
     after = relative_to_hoop(step_function()(arc[:5], arc[6:], arc[5], gravity), hoop)
-    chord = -arc[5] * before[0] / (after[0] - before[0])
+    chord = -arc[5] * before[0] * _inverse(after[0] - before[0])
     near = relative_to_hoop(step_function()(arc[:5], arc[6:], chord, gravity), hoop)
-    time = chord - near[0] / near[2]
+    time = chord - near[0] * _inverse(near[2])
     there = relative_to_hoop(step_function()(arc[:5], arc[6:], time, gravity), hoop)
     return ca.vertcat(before[0], after[0], there[1:])
 

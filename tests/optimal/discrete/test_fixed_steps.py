@@ -1,0 +1,72 @@
+"""Flights in a given number of steps: one step is removed where there is slack, and turning round takes steps."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flatgym import SCENARIOS, Hoop, Scenario
+from flatgym.task.rollout import replay_to_goal
+from optimal import fewest_steps, solve
+from optimal.direct.shooting import solve_winding
+from optimal.discrete.fixed_steps import remove_one_step, separated, solve_in_steps
+
+
+def one_line(*hoops, goal=(5, 0)):
+    """Return a scenario along the x axis."""
+    return Scenario("line", (0, 0), goal, hoops=hoops, time_limit=10)
+
+
+def test_a_flight_with_slack_loses_one_step_after_the_other():
+    target, shot = SCENARIOS["hoop"], solve_winding(SCENARIOS["hoop"])
+    flight = solve_in_steps(target, shot.trajectory, 0, 73)
+    for count in (72, 71):
+        flight = remove_one_step(target, flight)
+        assert len(flight.actions) == count
+        np.testing.assert_array_equal(replay_to_goal(target, flight.actions), flight.states)
+
+
+def test_the_fewest_steps_cannot_lose_one():
+    best = fewest_steps("hoop", time_budget=0.0)
+    shot = solve_winding(best.scenario, best.winding)
+    flight = solve_in_steps(best.scenario, shot.trajectory, best.winding, best.steps)
+    assert remove_one_step(best.scenario, flight) is None
+
+
+@pytest.mark.parametrize(
+    ("second", "apart"),
+    [
+        (Hoop(2.5, 0, 1), 2),  # twice through one hoop: back in between
+        (Hoop(2.4, 0, 1), 2),
+        (Hoop(2.6, 0, 1), 0),  # ahead: both in one step
+        (Hoop(2.5, 0, 1, math.pi), 1),  # there and back
+        (Hoop(2.5, 0, 1, math.pi / 2), 0),
+    ],
+)
+def test_hoops_between_which_a_flight_turns_round_are_steps_apart(second, apart):
+    target = one_line(Hoop(2.5, 0, 1), second)
+    assert separated(target, np.array([40, 40]), 90) == (40, 40 + apart)
+    assert separated(target, np.array([40, 50]), 90) == (40, 50)
+    assert separated(target, np.array([95, -1]), 90)[0] == 89
+
+
+TURNING = {
+    "back": one_line(Hoop(3, 0, 1, math.pi)),
+    "beyond": one_line(Hoop(6, 0, 1)),
+    "twice": one_line(Hoop(2.5, 0, 1), Hoop(2.5, 0, 1)),
+    "near": one_line(Hoop(2.5, 0, 1), Hoop(2.501, 0, 1)),
+    "at the goal": one_line(Hoop(5, 0, 1)),
+}
+
+
+@pytest.mark.parametrize("name", TURNING)
+def test_hoops_reached_by_turning_round_are_counted_by_certificate_and_environment(name):
+    solution, steps = solve(TURNING[name], max_gap=None), fewest_steps(TURNING[name], time_budget=0.0)
+    assert solution.certificate.holds()
+    assert len(replay_to_goal(TURNING[name], steps.actions)) == steps.steps + 1
+    assert steps.steps * TURNING[name].dt == pytest.approx(solution.time, rel=0.06)
+
+
+def test_a_second_hoop_that_the_first_flight_passes_costs_nothing():
+    alone = solve(one_line(Hoop(2.5, 0, 1)), max_gap=None).time
+    assert solve(TURNING["near"], max_gap=None).time == pytest.approx(alone, rel=1e-4)
