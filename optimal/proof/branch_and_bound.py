@@ -1,8 +1,10 @@
 """Branch and bound for one duration T: is every flight of duration T excluded?
 
 The search starts with one branch of all flights, with the tilt on a circle. A branch for which no excluding stages are
-found is branched into the windings, and then halved by the tilt, the hardest branch first, at the instant where this
-helps most. The branches and multipliers of an excluded duration are the start for the next one.
+found is branched into the windings, and then split by a tilt or a passing time, the hardest branch first. If no
+multipliers have F < 0, a combination of chains has the subgradient zero. The branch is split by the quantity on which
+these chains disagree most, at their mean. The branches and multipliers of an excluded duration are the start for the
+next one.
 """
 
 from __future__ import annotations
@@ -10,10 +12,12 @@ from __future__ import annotations
 import heapq
 import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from typing import NamedTuple
+
+import numpy as np
 
 from flatgym.quadrotor import Array
 from optimal.proof.branches import Branch
@@ -21,8 +25,6 @@ from optimal.proof.bundle_method import MAX_EVALUATIONS
 from optimal.proof.stages import EXPENSIVE, Exclusion, Stage
 from optimal.proof.stations import Problem
 
-TILT_SHARES = (0.25, 0.5, 0.75)
-"""Instants at which the tilt may be halved, as shares of T."""
 CIRCLE_EVALUATIONS, RELAXED_EVALUATIONS = 12, 6
 """Most evaluations of F for the branch of all flights, and with hoops ignored that hardly matter."""
 
@@ -42,11 +44,15 @@ class ExcludedBranch(NamedTuple):
 
 
 class BranchBound(NamedTuple):
-    """A branch, the best multipliers found for it, and the value of F; a negative value excludes the branch."""
+    """A branch, the best multipliers found for it, and the value of F; a negative value excludes the branch.
+
+    `parts` are the branches into which it is best split otherwise.
+    """
 
     candidate: Candidate
     value: float
-    stages: tuple[Stage, ...]
+    stages: tuple[Stage, ...] = ()
+    parts: tuple[Branch, ...] = ()
 
 
 def windings(problem: Problem) -> range:
@@ -79,66 +85,43 @@ class BranchAndBound:
             turn: least number of angles of a turn on the last grid.
         """
         excluded: list[BranchBound] = []
-        queue: list[tuple[float, int, Candidate]] = []
+        queue: list[tuple[float, int, BranchBound]] = []
         untried, number = list(self.candidates), count()
+        known = {candidate.branch.winding for candidate in untried}
+        if None not in known:  # More windings can be flown in a longer time.
+            new = [winding for winding in windings(problem) if winding not in known]
+            untried += [Candidate(Branch(winding), untried[0].multipliers) for winding in new]
 
-        def sort(bounds: Iterable[BranchBound]) -> None:
-            for bound in bounds:
-                if bound.value < 0:
-                    excluded.append(bound)
-                else:
-                    heapq.heappush(queue, (-bound.value, next(number), bound.candidate))
+        def sort(bound: BranchBound) -> None:
+            if bound.value < 0:
+                excluded.append(bound)
+            else:
+                heapq.heappush(queue, (-bound.value, next(number), bound))
 
         while untried or queue:
             if time.monotonic() > self.deadline:
                 return None
-            if untried:
-                sort([self._bound(problem, turn, untried.pop())])
-            else:
-                sort(self._parts(problem, turn, heapq.heappop(queue)[2]))
+            if not untried:
+                bound = heapq.heappop(queue)[2]
+                untried = [Candidate(part, bound.candidate.multipliers) for part in bound.parts]
+            sort(self._bound(problem, turn, untried.pop()))
         self.candidates = [bound.candidate for bound in excluded]
         return [ExcludedBranch(bound.candidate.branch, bound.stages) for bound in excluded]
 
     def _bound(self, problem: Problem, turn: int, candidate: Candidate) -> BranchBound:
         """Search for stages that exclude a branch, from the multipliers of the candidate."""
         branch, start = candidate
+        every = tuple(Branch(winding) for winding in windings(problem)) if branch.winding is None else ()
+        if every and len(problem.hoops) > 1:  # One programme for all windings mixes them, and leaves a gap open.
+            return BranchBound(candidate, np.inf, parts=every)
         search = Exclusion(problem, branch, start, turn, self.deadline)
-        if branch.winding is None:
+        if every:
             search.limit = EXPENSIVE
         if self.active != problem.hoops:
             search.run(self.active, RELAXED_EVALUATIONS)
         if not search.done:
             search.multipliers = start
-            search.run(problem.hoops, CIRCLE_EVALUATIONS if branch.winding is None else MAX_EVALUATIONS)
+            search.run(problem.hoops, CIRCLE_EVALUATIONS if every else MAX_EVALUATIONS)
         self.evaluations += search.evaluations
-        return BranchBound(Candidate(branch, search.multipliers), search.value, tuple(search.stages))
-
-    def _parts(self, problem: Problem, turn: int, candidate: Candidate) -> list[BranchBound]:
-        """Return the bounds of the parts of a branch."""
-        branch, multipliers = candidate
-        if branch.winding is None:
-            parts = [Branch(winding) for winding in windings(problem)]
-            return [self._bound(problem, turn, Candidate(part, multipliers)) for part in parts]
-        best: list[BranchBound] = []
-        for share in TILT_SHARES:
-            halves = branch.halve_tilt(share, _reachable_tilts(problem, branch.winding, share))
-            bounds = [self._bound(problem, turn, Candidate(half, multipliers)) for half in halves]
-            if not best or _difficulty(bounds) < _difficulty(best):
-                best = bounds
-            if _difficulty(best) < (1, 0.0):
-                break
-        return best
-
-
-def _reachable_tilts(problem: Problem, winding: int, share: float) -> tuple[float, float]:
-    """Return the range of tilts that a flight of a winding can have at an instant, by the rate limit alone [rad]."""
-    turned = problem.scenario.quadrotor.rate_max * problem.duration
-    end, slack = 2 * math.pi * winding, problem.slack
-    before, after = turned * share, turned * (1 - share)
-    return max(-before, end - slack - after), min(before, end + slack + after)
-
-
-def _difficulty(bounds: Sequence[BranchBound]) -> tuple[int, float]:
-    """Return the number of branches that are not excluded, and the greatest F among them."""
-    left = [bound.value for bound in bounds if bound.value >= 0]
-    return len(left), max(left, default=0.0)
+        parts = every if every or search.done else tuple(search.split())
+        return BranchBound(Candidate(branch, search.multipliers), search.value, tuple(search.stages), parts)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from scipy.optimize import nnls
 
 from flatgym.quadrotor import Array
 from optimal.proof.dual import Dual
+from optimal.proof.rounding import LEAST_LENGTH
 
 MAX_EVALUATIONS = 40
 """Most evaluations of F."""
@@ -37,55 +39,80 @@ class Separation(NamedTuple):
         multipliers: the best point, of length 1.
         value: F at that point, a proven bound that includes the rounding error.
         evaluations: number of evaluations of F.
+        impossible: whether the origin is a combination of subgradients, so that no multipliers have F < 0.
+        middle, spread: mean and standard deviation of the chains of the combination that is closest to the origin, by
+            the quantities of `Cut.chain`. They disagree most where a branch is best split.
     """
 
     multipliers: Array
     value: float
     evaluations: int
+    impossible: bool
+    middle: Array
+    spread: Array
 
 
 def separate(
-    dual: Dual, start: Array, max_evaluations: int = MAX_EVALUATIONS, deadline: float = math.inf
+    dual: Dual, starts: Sequence[Array], max_evaluations: int = MAX_EVALUATIONS, deadline: float = math.inf
 ) -> Separation:
     """Search for multipliers with F < 0.
 
     Args:
         dual: F.
-        start: initial multipliers, nonzero, shape (dual.size,).
+        starts: initial multipliers, nonzero, shape (dual.size,) each. The method continues from the best of them.
         max_evaluations: most evaluations of F; at least one.
         deadline: when to stop, on the clock of `time.monotonic` [s].
     """
     cone = np.eye(dual.size)[dual.signed].T
-    slopes = np.zeros((dual.size, 0))
-    point, best, centre, length, evaluations = start, np.inf, start, 1.0, 0
-    while evaluations < max_evaluations and (evaluations == 0 or time.monotonic() < deadline):
-        evaluations += 1
+    slopes, chains = np.zeros((dual.size, 0)), list[Array]()
+    best, centre, length, impossible, begun = np.inf, starts[0], 1.0, False, time.monotonic()
+    points = list(starts)
+    while len(chains) < max_evaluations:
+        now = time.monotonic()
+        if chains and now + (now - begun) / len(chains) > deadline:
+            break
+        point = points.pop(0)
         point = point / np.linalg.norm(point)
         cut = dual(point)
         slopes = np.column_stack([slopes, cut.slope])
+        chains.append(cut.chain)
         value = cut.value + cut.rounding
-        length *= 2 if value < best else 0.5
+        if len(chains) > len(starts):
+            length *= 2 if value < best else 0.5
         if value < best:
             best, centre = value, point
-        if best < 0 or _contains_origin(slopes, cone):
+        impossible = _contains_origin(slopes, cone)
+        if best < 0 or impossible:
             break
-        point = centre - length * _projection(slopes, cone, centre / length)
+        if points:
+            continue
+        shares, rest = _shares(slopes, cone, centre / length)
+        point = centre - length * (slopes @ shares - cone @ rest)
         point[dual.signed] = np.maximum(point[dual.signed], 0.0)
         if not np.linalg.norm(point) > ZERO_LENGTH:
             break
-    return Separation(centre, float(best), evaluations)
+        points.append(point)
+    middle, spread = _disagreement(np.array(chains), _shares(slopes, cone, np.zeros(dual.size))[0])
+    return Separation(centre, float(best), len(chains), impossible, middle, spread)
 
 
 def _contains_origin(slopes: Array, cone: Array) -> bool:
     """Return whether the origin is a convex combination of subgradients minus the cone, which implies F >= 0."""
-    origin = np.zeros(len(slopes))
-    return bool(np.linalg.norm(_projection(slopes, cone, origin)) <= ZERO_LENGTH * np.abs(slopes).max())
+    shares, rest = _shares(slopes, cone, np.zeros(len(slopes)))
+    return bool(np.linalg.norm(slopes @ shares - cone @ rest) <= ZERO_LENGTH * np.abs(slopes).max())
 
 
-def _projection(slopes: Array, cone: Array, target: Array) -> Array:
-    """Return the projection of a target onto the convex combinations of `slopes` minus the cone, shape (n,)."""
+def _shares(slopes: Array, cone: Array, target: Array) -> tuple[Array, Array]:
+    """Return the convex combination of `slopes` minus the cone that is closest to a target, as shares of both."""
     count, scale = slopes.shape[1], max(1.0, float(np.abs(target).max()))
     columns = np.hstack([slopes, -cone])
     sums = SUM_WEIGHT * scale * np.append(np.ones(count), np.zeros(cone.shape[1]))
     shares, _ = nnls(np.vstack([columns, sums]), np.append(target, SUM_WEIGHT * scale), maxiter=50 * len(sums))
-    return np.asarray(columns @ shares)
+    return shares[:count], shares[count:]
+
+
+def _disagreement(chains: Array, shares: Array) -> tuple[Array, Array]:
+    """Return mean and standard deviation of the quantities of chains, shape (number of chains, n), by their shares."""
+    shares = shares / max(float(shares.sum()), LEAST_LENGTH)
+    middle = shares @ chains
+    return middle, np.sqrt(np.maximum(shares @ (chains - middle) ** 2, 0.0))

@@ -67,7 +67,8 @@ import numba
 import numpy as np
 
 from flatgym.quadrotor import Array
-from optimal.proof.tilt_program import Integers, Tilts, sweep
+from optimal.proof.tilt_program import Integers, Tilts, best_neighbour, follow, sweep
+from optimal.proof.zero_order_hold import hold_follow, hold_sweep
 
 
 class Chain(NamedTuple):
@@ -135,7 +136,10 @@ def _slope(chain, i, k0, k1, dt):  # type: ignore[no-untyped-def]
 def _arrive(chain, tilts, i, k1, s_x, s_z, values, row):  # type: ignore[no-untyped-def]
     """Write the value of passing station i at instant k1 to `row`, with sigma . p, for the better end of the gap."""
     if i == chain.weights.shape[0] - 1:
-        return  # nothing follows the last station
+        # Nothing follows the last station. Only held controls have a tilt at its instant itself.
+        for j in range(tilts.low[-1], tilts.high[-1] + 1):
+            row[j] = -chain.final[j]
+        return
     one = s_x * chain.places[i, 0, 0] + s_z * chain.places[i, 0, 1]
     other = s_x * chain.places[i, 1, 0] + s_z * chain.places[i, 1, 1]
     from_one, from_other = values[chain.rows[i] + k1, 0], values[chain.rows[i] + k1, 1]
@@ -158,6 +162,15 @@ def _constants(chain, i, k0, k1, s_x, s_z):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
+def _sweep(chain, tilts, limits, i, begin, k0, k1, rows, keep):  # type: ignore[no-untyped-def]
+    """Add the best rewards of the segment from station i to the values at instant k1; see `tilt_program.sweep`."""
+    left, right = chain.weights[i], chain.weights[i + 1]
+    if tilts.hold.parts > 0:
+        return hold_sweep(k0, k1, left, right, chain.common, tilts, limits, rows, keep)
+    return sweep(k0, k1, begin, left, right, chain.common, tilts, chain.final, limits, rows, keep)
+
+
+@numba.njit(cache=True, error_model="numpy", nogil=True)
 def best_values(begin, chain, tilts, limits, values, choices):  # type: ignore[no-untyped-def]
     """Write the value of the best chain from each station, instant, end of the gap and tilt on.
 
@@ -173,8 +186,7 @@ def best_values(begin, chain, tilts, limits, values, choices):  # type: ignore[n
             for k1 in range(max(chain.windows[i + 1, 0], k0 + 1), chain.windows[i + 1, 1] + 1):
                 s_x, s_z = _slope(chain, i, k0, k1, dt)
                 _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, two[0])
-                left, right = chain.weights[i], chain.weights[i + 1]
-                row = two[sweep(k0, k1, begin, left, right, chain.common, tilts, chain.final, limits, two, False)]
+                row = two[_sweep(chain, tilts, limits, i, begin, k0, k1, two, False)]
                 constant = _constants(chain, i, k0, k1, s_x, s_z)
                 for end in range(2 if i > 0 else 1):
                     place, best, choice = chain.places[i, end], values[at, end], choices[at, end]
@@ -186,21 +198,24 @@ def best_values(begin, chain, tilts, limits, values, choices):  # type: ignore[n
 
 @numba.njit(cache=True, error_model="numpy")
 def best_chain(begin, chain, tilts, limits, values, choices, start):  # type: ignore[no-untyped-def]
-    """Return the passing instants, the ends of the gaps and the tilts of the best chain from a first tilt."""
-    stations, count, dt = chain.weights.shape[0], tilts.low.shape[0], limits.dt
-    passing, ends, path = np.zeros(stations, np.int64), np.zeros(stations, np.int64), np.zeros(count, np.int64)
+    """Return the passing instants, the ends of the gaps and the tilts of the best chain from a first tilt.
+
+    The tilts are those of the samples, or those at the ends of the stages where controls are held; shape (N+1,).
+    """
+    stations, count, dt = chain.weights.shape[0], chain.common.shape[0] - 1, limits.dt
+    passing, ends, path = np.zeros(stations, np.int64), np.zeros(stations, np.int64), np.zeros(count + 1, np.int64)
     rows = np.empty((count + 1, tilts.sin.shape[0]))
     k0, end, j = 0, 0, start
     for i in range(stations - 1):
         k1 = choices[chain.rows[i] + k0, end, j]
         s_x, s_z = _slope(chain, i, k0, k1, dt)
         _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, rows[k1 - k0])
-        left, right = chain.weights[i], chain.weights[i + 1]
-        sweep(k0, k1, begin, left, right, chain.common, tilts, chain.final, limits, rows, True)
-        for k in range(k0, k1):
-            path[k] = j
-            if k < count - 1:
-                j = _best_neighbour(rows[k + 1 - k0], j, k + 1, tilts)
+        _sweep(chain, tilts, limits, i, begin, k0, k1, rows, True)
+        if tilts.hold.parts > 0:
+            left, right = chain.weights[i], chain.weights[i + 1]
+            j = hold_follow(k0, k1, left, right, chain.common, tilts, limits, rows, path, j)
+        else:
+            j = follow(k0, k1, tilts, rows, path, j)
         end = 0
         if i < stations - 2:
             place, value = chain.places[i + 1], values[chain.rows[i + 1] + k1]
@@ -208,30 +223,17 @@ def best_chain(begin, chain, tilts, limits, values, choices, start):  # type: ig
             end = 1 if value[1, j] + gain > value[0, j] else 0
         passing[i + 1], ends[i + 1] = k1, end
         k0 = k1
+    path[count] = j
     return passing, ends, path
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _best_neighbour(row, j, k, tilts):  # type: ignore[no-untyped-def]
-    """Return the position of the greatest of up to three values of sample k that can be reached from position j."""
-    width, nearest, greatest = tilts.sin.shape[0], j, -np.inf
-    for i in (j, j - 1, j + 1):
-        if tilts.circular:
-            i = width - 2 if i == 0 else (1 if i == width - 1 else i)
-        elif i < tilts.low[k] or i > tilts.high[k]:
-            continue
-        if row[i] > greatest:
-            nearest, greatest = i, row[i]
-    return nearest
-
-
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", nogil=True)
 def best_through(chain, tilts, values, backward, past):  # type: ignore[no-untyped-def]
     """Return the value of the best chain through each instant of each window, by row of `values`.
 
     `past` has the values of the problem `backward`, which is reversed in time.
     """
-    stations, count = chain.weights.shape[0], tilts.low.shape[0]
+    stations, count = chain.weights.shape[0], chain.common.shape[0] - 1
     best = np.full(values.shape[0], -np.inf)
     for i in range(1, stations - 1):
         for k in range(chain.windows[i, 0], chain.windows[i, 1] + 1):
@@ -239,7 +241,7 @@ def best_through(chain, tilts, values, backward, past):  # type: ignore[no-untyp
             before = past[backward.rows[stations - 1 - i] + count - k]
             for end in range(2):
                 for j in range(tilts.low[k], tilts.high[k] + 1):
-                    i_past = _best_neighbour(before[end], j, k - 1, tilts)
+                    i_past = j if tilts.hold.parts > 0 else best_neighbour(before[end], j, k - 1, tilts)
                     total = ahead[end, j] + before[end, i_past]
                     best[chain.rows[i] + k] = max(best[chain.rows[i] + k], total)
     return best

@@ -12,8 +12,10 @@ best in floating-point arithmetic, hence at least the computed value of the chai
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,22 +24,30 @@ from optimal.proof.branches import Branch
 from optimal.proof.chain import Chain, best_chain, best_through, best_values, first_rows, reverse_time
 from optimal.proof.rounding import LEAST_LENGTH, UNIT_ROUNDOFF
 from optimal.proof.stations import STEPS_APART, Interval, Problem, Stations, to_instants, to_times
-from optimal.proof.tilt_program import limits, tilts
-from optimal.proof.time_grid import TimeGrid
+from optimal.proof.tilt_program import Grid, Integers, gradient, limits, tilts
+from optimal.proof.time_grid import HoldGrid
+from optimal.proof.zero_order_hold import hold_gradient
 
+TILT_SHARES = (0.25, 0.5, 0.75)
+"""Instants at which the tilt may be split, as shares of T."""
 ROUNDING_UNITS = 256
 """Rounding error of all terms but the sum over the samples, in units in the last place of their magnitudes."""
+
+
+ResultT = TypeVar("ResultT")
 
 
 class Cut(NamedTuple):
     """A cutting plane of F: its value at some multipliers, a bound of the rounding error, and a subgradient.
 
-    F(y) >= slope . y for all y.
+    F(y) >= slope . y for all y. `chain` has the passing times of the best chain, as shares of T, and its tilts at
+    TILT_SHARES [rad]; without a winding it is empty.
     """
 
     value: float
     rounding: float
     slope: Array
+    chain: Array = np.zeros(0)
 
 
 class Evaluation(NamedTuple):
@@ -66,7 +76,7 @@ class Dual:
     def __init__(
         self,
         problem: Problem,
-        grid: TimeGrid,
+        grid: Grid,
         branch: Branch,
         hoops: Sequence[int] = (),
         windows: Sequence[Interval] = (),
@@ -78,7 +88,9 @@ class Dual:
         self._stations = Stations(problem, hoops)
         self._least = self._stations.least_times(problem, grid)
         self._windows = np.vstack([[[0, 0]], to_instants(windows, problem, grid), [[steps, steps]]])
-        at = np.rint(np.array(problem.kinks) * steps) / steps
+        self._programmes = (0,) if isinstance(grid, HoldGrid) else (0, 1)
+        stages = steps // grid.parts if isinstance(grid, HoldGrid) else steps
+        at = np.rint(np.array(problem.kinks) * stages) / stages
         heights = [(1.0, scenario.floor), (-1.0, scenario.ceiling)]
         heights = [(sign, height - scenario.start[1]) for sign, height in heights if height is not None]
         self._signs = np.repeat([sign for sign, _ in heights], len(at))
@@ -90,6 +102,7 @@ class Dual:
         self._scale = scenario.quadrotor.thrust_max / scenario.quadrotor.rate_max
         self._curvature = self._curvatures()
         self._values: list[Array] = []
+        self._last: tuple[Array, Evaluation] | None = None
 
     @property
     def apart(self) -> bool:
@@ -103,28 +116,34 @@ class Dual:
         return self._tilts.possible and bool((low <= high).all() and (np.maximum.accumulate(low)[:-1] < high[1:]).all())
 
     def evaluate(self, y: Array) -> Evaluation:
-        """Return F without its slope."""
+        """Return F without its slope; the last evaluation is remembered."""
+        if self._last is not None and np.array_equal(y, self._last[0]):
+            return self._last[1]
         chain, first = self._chain(y)
         if not self._values:
             shape = (int((chain.windows[:, 1] - chain.windows[:, 0] + 1).sum()), 2, len(self._tilts.sin))
-            self._values, self._choices = [np.empty(shape) for _ in (0, 1)], [np.empty(shape, np.int32) for _ in (0, 1)]
+            self._values = [np.empty(shape) for _ in self._programmes]
+            self._choices = [np.empty(shape, np.int32) for _ in self._programmes]
         value = shared = self._shared(y, chain)
         inside = slice(self._tilts.low[0], self._tilts.high[0] + 1)
-        for begin in (0, 1):
-            values, choices = self._values[begin], self._choices[begin]
-            best_values(begin, chain, self._tilts, self._limits, values, choices)
-            value += float((values[0, 0] - first)[inside].max()) / 2
-        return Evaluation(value, self._rounding(y), shared)
+
+        def run(begin: int) -> float:
+            values = self._values[begin]
+            best_values(begin, chain, self._tilts, self._limits, values, self._choices[begin])
+            return float((values[0, 0] - first)[inside].max())
+
+        value += sum(self._in_threads(run)) / len(self._programmes)
+        self._last = (y.copy(), Evaluation(value, self._rounding(y), shared))
+        return self._last[1]
 
     def __call__(self, y: Array) -> Cut:
         """Return F with a subgradient."""
         found = self.evaluate(y)
         chain, first = self._chain(y)
-        slope = self._shared_slope(chain)
+        slope, chains = self._shared_slope(chain), [np.zeros(0)]
         if np.isfinite(found.value):
-            for begin in (0, 1):
-                self._add_slope(slope, begin, chain, first)
-        return Cut(found.value, found.rounding, slope)
+            chains = [self._add_slope(slope, begin, chain, first) for begin in self._programmes]
+        return Cut(found.value, found.rounding, slope, np.mean(chains, axis=0))
 
     def prune(self, y: Array) -> list[Interval] | None:
         """Return the windows without the time steps in which no flight passes [s]; None if no flight is left."""
@@ -133,11 +152,13 @@ class Dual:
             return None
         chain, first = self._chain(y)
         backward, backward_tilts = reverse_time(chain, self._tilts, first)
-        past, choices = np.empty_like(self._values[0]), self._choices[0]
-        total = np.full(len(past), found.shared + found.rounding)
-        for begin in (0, 1):
-            best_values(1 - begin, backward, backward_tilts, self._limits, past, choices)
-            total += best_through(chain, self._tilts, self._values[begin], backward, past) / 2
+
+        def run(begin: int) -> Array:
+            past = np.empty_like(self._values[begin])
+            best_values(1 - begin, backward, backward_tilts, self._limits, past, self._choices[begin])
+            return np.asarray(best_through(chain, self._tilts, self._values[begin], backward, past))
+
+        total = found.shared + found.rounding + np.mean(self._in_threads(run), axis=0)
         left = []
         for row, (low, high) in zip(chain.rows[1:-1], chain.windows[1:-1], strict=True):
             open_ends = total[row + low : row + high + 1] >= 0
@@ -146,6 +167,11 @@ class Dual:
                 return None
             left.append([low + cells[0], min(low + cells[-1] + 1, high)])
         return to_times(np.array(left), self.problem, self.grid)
+
+    def _in_threads(self, run: Callable[[int], ResultT]) -> list[ResultT]:
+        """Return the results of a function for each programme; the kernels of both run at the same time."""
+        later = [_threads().submit(run, begin) for begin in self._programmes[1:]]
+        return [run(self._programmes[0]), *(future.result() for future in later)]
 
     def _curvatures(self) -> Array:
         """Return E_i / |w_i| by segment and difference of instants, shape (m+1, N+1)."""
@@ -188,7 +214,8 @@ class Dual:
     @property
     def _penalty_ends(self) -> Array:
         """Derivatives of the shared terms with respect to the penalties."""
-        return self._scale * np.array([self.grid.angle / 2, self.problem.slack + self.grid.angle / 2])
+        sampling = self.grid.angle / 2 if len(self._programmes) == 2 else 0.0
+        return self._scale * np.array([sampling, self.problem.slack + sampling])
 
     def _shared(self, y: Array, chain: Chain) -> float:
         """Return the terms that all chains share."""
@@ -206,22 +233,23 @@ class Dual:
         slope[-2:] = self._penalty_ends
         return slope
 
-    def _add_slope(self, slope: Array, begin: int, chain: Chain, first: Array) -> None:
-        """Add half of the derivative of the value of the best chain of one programme."""
+    def _add_slope(self, slope: Array, begin: int, chain: Chain, first: Array) -> Array:
+        """Add the share of one programme in the derivative of the mean of the best chains; return `Cut.chain`."""
         tables, limit = self._tilts, self._limits
         row = self._values[begin][0, 0] - first
         start = int(tables.low[0] + np.argmax(row[tables.low[0] : tables.high[0] + 1]))
         values, choices = self._values[begin], self._choices[begin]
         passing, ends, path = best_chain(begin, chain, tables, limit, values, choices, start)
-        k = np.arange(self.grid.steps)
-        segment = np.searchsorted(passing[1:], k, side="right")
+        k = np.arange(self.grid.steps + 1)
+        segment = np.minimum(np.searchsorted(passing, k, side="right") - 1, len(passing) - 2)
         left = passing[segment]
-        share = ((k + begin - left) / (passing[segment + 1] - left))[:, None]
-        weight = chain.weights[segment] * (1 - share) + chain.weights[segment + 1] * share + chain.common[k + begin]
-        up = np.stack([tables.sin[path], tables.cos[path]], axis=-1)
-        thrust = np.where((weight * up).sum(axis=1) > 0, limit.thrust_max, limit.thrust_min)[:, None]
-        length = np.maximum(np.hypot(*weight.T), LEAST_LENGTH)[:, None]
-        reward = limit.dt / 2 * (thrust * up - [0.0, limit.gravity] + limit.bulge * weight / length)
+        share = ((k - left) / (passing[segment + 1] - left))[:, None]
+        weight = chain.weights[segment] * (1 - share) + chain.weights[segment + 1] * share + chain.common
+        if tables.hold.parts:
+            reward, last = hold_gradient(passing, path, weight, tables, limit), path[-1]
+        else:
+            reward, last = gradient(begin, path, weight, tables, limit), path[-2]
+        reward /= len(self._programmes)
         by_weight = np.zeros((len(chain.weights), 2))
         np.add.at(by_weight, segment, reward * (1 - share))
         np.add.at(by_weight, segment + 1, reward * share)
@@ -234,12 +262,24 @@ class Dual:
             if i == chain.goal:
                 disc = chain.position * _unit(jump / duration + [0.0, chain.tail])
                 way += disc / duration
-                tail = disc[1] / self._duration / 2
-            by_weight[i + 1] += way / 2
-            by_weight[i] -= way / 2
+                tail = disc[1] / self._duration / len(self._programmes)
+            by_weight[i + 1] += way / len(self._programmes)
+            by_weight[i] -= way / len(self._programmes)
         slope[: self.vectors] += by_weight.ravel()
-        slope[self.vectors : -2] += self._signs * (self._bends[k + begin].T @ reward[:, 1] + tail)
-        slope[-2:] -= self._scale * self.grid.angle / 2 * np.array([tables.first[start], tables.last[path[-1]]])
+        slope[self.vectors : -2] += self._signs * (self._bends.T @ reward[:, 1] + tail)
+        penalties = self._scale * self.grid.angle * np.array([tables.first[start], tables.last[last]])
+        slope[-2:] -= penalties / len(self._programmes)
+        return self._describe(passing, path)
+
+    def _describe(self, passing: Integers, path: Integers) -> Array:
+        """Return passing times and tilts of a chain as `Cut.chain`."""
+        if self._tilts.circular:
+            return np.zeros(0)
+        instants = self.problem.duration / self.grid.dt
+        late, whole = self.grid.steps - instants, getattr(self.grid, "parts", 1)
+        at = np.minimum(np.rint((late + np.array(TILT_SHARES) * instants) / whole) * whole, self.grid.steps - 1)
+        tilt = self.grid.angle * (path[at.astype(int)] - self._tilts.zero)
+        return np.concatenate([(passing[1:-1] - late) / instants, tilt])
 
     def _rounding(self, y: Array) -> float:
         """Return a bound of the rounding error of F."""
@@ -256,6 +296,11 @@ class Dual:
         heights = np.abs(self._heights).max(initial=0.0) + 2 * stations.size[-1] + self.problem.position
         size += kappa * heights / self._duration
         return float(2 * (self.grid.steps + ROUNDING_UNITS) * UNIT_ROUNDOFF * size)
+
+
+@lru_cache(maxsize=1)
+def _threads() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, "programme")
 
 
 def _unit(vector: Array) -> Array:

@@ -16,11 +16,12 @@ import numpy as np
 from flatgym.files import write_text
 from flatgym.scenarios.scenario import Scenario, Tolerance
 from optimal.proof.branch_and_bound import ExcludedBranch
-from optimal.proof.branches import Branch, TiltInterval
+from optimal.proof.branches import Branch, PassingInterval, TiltInterval
 from optimal.proof.stages import Stage
-from optimal.proof.time_grid import TimeGrid
+from optimal.proof.tilt_program import Grid
+from optimal.proof.time_grid import HoldGrid, TimeGrid
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of the file format."""
 NUMBERS = ("time", "flown", "wall_time")
 
@@ -79,11 +80,10 @@ def _plain_branch(branch: Branch, stages: tuple[Stage, ...]) -> dict[str, Any]:
     return {
         "winding": branch.winding,
         "held": [_hexadecimal(held) for held in branch.held],
+        "passing": [[int(hoop), *_hexadecimal(interval)] for hoop, *interval in branch.passing],
         "stages": [
             {
-                "steps": grid.steps,
-                "turn": grid.turn,
-                "rate_max": float(grid.rate_max).hex(),
+                "grid": _plain_grid(grid),
                 "hoops": [int(hoop) for hoop in hoops],
                 "multipliers": _hexadecimal(multipliers),
             }
@@ -95,12 +95,25 @@ def _plain_branch(branch: Branch, stages: tuple[Stage, ...]) -> dict[str, Any]:
 def _branch(plain: dict[str, Any]) -> ExcludedBranch:
     stages = tuple(
         Stage(
-            TimeGrid(int(stage["steps"]), int(stage["turn"]), float.fromhex(stage["rate_max"])),
+            _grid(stage["grid"]),
             tuple(int(hoop) for hoop in stage["hoops"]),
             np.array(_numbers(stage["multipliers"])),
         )
         for stage in plain["stages"]
     )
     held = tuple(TiltInterval(*_numbers(each)) for each in plain["held"])
-    winding = plain["winding"]
-    return ExcludedBranch(Branch(None if winding is None else int(winding), held), stages)
+    passing = tuple(PassingInterval(int(hoop), *_numbers(interval)) for hoop, *interval in plain["passing"])
+    winding = None if plain["winding"] is None else int(plain["winding"])
+    return ExcludedBranch(Branch(winding, held, passing), stages)
+
+
+def _plain_grid(grid: Grid) -> dict[str, Any]:
+    """Return a grid as plain data; a grid for held controls has `parts` and `step`."""
+    return {name: value.hex() if isinstance(value, float) else value for name, value in asdict(grid).items()}
+
+
+def _grid(plain: dict[str, Any]) -> Grid:
+    values: dict[str, Any] = {
+        name: float.fromhex(value) if isinstance(value, str) else int(value) for name, value in plain.items()
+    }
+    return HoldGrid(**values) if "parts" in values else TimeGrid(**values)

@@ -31,8 +31,11 @@ from optimal.proof.time_grid import angles_for, time_grid
 
 MAX_GAP, TIME_BUDGET = 1e-3, 60.0
 """Requested relative gap between the bound and the fastest known flight, and wall time allowed for it [s]."""
-LARGEST_GAP, GAP_STEP = 10.0, 4.0
+LARGEST_GAP, GAP_STEP = 10.0, 8.0
 """Upper limit of the first gap of a proof, where the projection bound gives none, and ratio of consecutive gaps."""
+
+HOLD_GAP = 4e-3
+"""Gap that sets the angles of the grids on which windows are cut before the grids for held controls."""
 
 
 class Verdict(StrEnum):
@@ -40,10 +43,6 @@ class Verdict(StrEnum):
 
     CLOSED = "Proven: no flight is faster, to within the requested gap."
     BUDGET_SPENT = "Proven with a larger gap than requested: the time budget was spent. Increase it for a smaller gap."
-    ONE_STEP_SHORT = (
-        "Proven, but one step short: a flight whose controls may change at any time arrives one step earlier, and this "
-        "proof does not use that controls are held over a step."
-    )
     NO_FLIGHT = (
         "Proven by the projection bound only: no flight is known to start from. `optimal.solve` reports why none was "
         "found."
@@ -65,6 +64,7 @@ class Proof:
         excluded: branches that cover all flights, and the stages that exclude them; none if `time` is the projection
             bound.
         kinks: times at which the slope of q may jump at floor and ceiling, as shares of T.
+        steps: number of environment steps in `time`, if the proof uses that controls are held over steps; else 0.
         evaluations: number of evaluations of F.
         wall_time: wall time of the proof [s].
     """
@@ -77,6 +77,7 @@ class Proof:
     reason: str = ""
     excluded: tuple[ExcludedBranch, ...] = ()
     kinks: tuple[float, ...] = ()
+    steps: int = 0
     evaluations: int = 0
     wall_time: float = 0.0
 
@@ -95,7 +96,9 @@ class Proof:
             return self.time <= least
         if not 0 < self.time < math.inf:
             return False
-        problem = Problem(self.scenario, self.tolerance, self.time, self.kinks)
+        if self.steps and self.time != self.steps * self.scenario.dt:
+            return False
+        problem = Problem(self.scenario, self.tolerance, self.time, self.kinks, self.steps)
         if not covered((branch for branch, _ in self.excluded), windings(problem)):
             return False
         return all(excluded(problem, *each) for each in self.excluded)
@@ -183,7 +186,9 @@ def raise_bound(
     tolerance: Tolerance | None,
     durations: Iterable[tuple[float, float]],
     budget: float,
+    *,
     flown: float | None = None,
+    steps: int = 0,
 ) -> Proof:
     """Exclude durations in increasing order, until one cannot be excluded within the budget.
 
@@ -194,6 +199,7 @@ def raise_bound(
         durations: the durations [s], each with the relative gap that sets the angles of its grid.
         budget: wall time [s].
         flown: the time of the fastest known flight [s]; by default that of the direct solution.
+        steps: a number of environment steps that is excluded last, for controls that are held over steps; 0 for none.
     """
     compile_kernels()
     begun = time.monotonic()
@@ -202,16 +208,20 @@ def raise_bound(
     search_tree = BranchAndBound([root], active_hoops(shot), begun + budget)
     simple, flown = projection_bound(target, tolerance), shot.trajectory.duration if flown is None else flown
     proof = Proof(target, tolerance, simple, flown, Verdict.CLOSED, kinks=kinks)
+    # The last grid sets the duration, so that no time is left between both.
+    problems = []
     for duration, gap in durations:
         turn = angles_for(gap)
-        # The last grid sets the duration, so that no time is left between both.
-        problem = Problem(target, tolerance, time_grid(duration, rate, turn=turn).time, kinks)
+        problems.append((Problem(target, tolerance, time_grid(duration, rate, turn=turn).time, kinks), turn))
+    if steps:
+        problems.append((Problem(target, tolerance, steps * target.dt, kinks, steps), angles_for(HOLD_GAP)))
+    for problem, turn in problems:
         found = search_tree.exclude(problem, turn)
         if found is None:
             proof = replace(proof, verdict=Verdict.BUDGET_SPENT)
             break
         if problem.duration > proof.time:
-            proof = replace(proof, time=problem.duration, excluded=tuple(found))
+            proof = replace(proof, time=problem.duration, steps=problem.steps, excluded=tuple(found))
     return replace(proof, evaluations=search_tree.evaluations, wall_time=time.monotonic() - begun)
 
 

@@ -7,7 +7,6 @@ only.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,20 +19,26 @@ import numpy as np
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Hoop, Scenario
 from optimal.proof.branches import Branch
-from optimal.proof.bundle_method import MAX_EVALUATIONS, separate
-from optimal.proof.dual import Dual
+from optimal.proof.bundle_method import MAX_EVALUATIONS, Separation, separate
+from optimal.proof.dual import TILT_SHARES, Dual
 from optimal.proof.stations import Problem, Windows, hoops_apart, possible_windows
-from optimal.proof.time_grid import TimeGrid, time_grid
+from optimal.proof.tilt_program import Grid
+from optimal.proof.time_grid import HoldGrid, TimeGrid, hold_grid, time_grid
 
-COARSE_EVALUATIONS = 12
-"""Most evaluations of F on a grid that is not the last."""
+WIDE_EVALUATIONS, CUT_EVALUATIONS = 4, 16
+"""Most evaluations of F on a grid that is not the last: where they are expensive and the windows are not yet cut to
+half their length, and otherwise."""
 SHRINKAGE = 0.7
 """The windows are cut again with the same multipliers while their total length falls below this share."""
 LEAST_ANGLES = 40
 """Fewest angles of a turn of a coarse grid."""
-CHEAP, EXPENSIVE = 3e6, 6e9
-"""A cost of one evaluation at which no coarser grid is tried before, and one at which all flights are branched into
-windings instead, in samples times tilts."""
+STALL = 0.7
+"""A branch is split if F on a finer grid is more than this share of that on the grid before."""
+HOLD_GRIDS = ((15, 2), (29, 4), (58, 8))
+"""For held controls: least angles by which a step turns the vehicle, and instants in a step, from coarse to fine."""
+CHEAP, MODERATE, EXPENSIVE = 3e6, 1e8, 6e9
+"""Costs of one evaluation in samples times tilts: at which no coarser grid is tried before, from which on few
+evaluations are made while the windows are wide, and at which all flights are branched into windings instead."""
 
 
 class Stage(NamedTuple):
@@ -45,14 +50,14 @@ class Stage(NamedTuple):
         multipliers: the multipliers of `optimal.proof.dual.Dual`.
     """
 
-    grid: TimeGrid
+    grid: Grid
     hoops: tuple[int, ...]
     multipliers: Array
 
 
 def excluded(problem: Problem, branch: Branch, stages: Sequence[Stage]) -> bool:
     """Return whether stages exclude all flights of a branch. Everything is recomputed from the problem."""
-    windows = possible_windows(problem)
+    windows = _branch_windows(problem, branch)
     for stage in stages:
         if not _admissible(problem, stage):
             return False
@@ -69,11 +74,23 @@ def excluded(problem: Problem, branch: Branch, stages: Sequence[Stage]) -> bool:
     return False
 
 
+def _branch_windows(problem: Problem, branch: Branch) -> Windows:
+    """Return windows that contain the passing times of all flights of a branch [s]."""
+    found, duration = list(possible_windows(problem)), problem.duration
+    for hoop, low, high in branch.passing:
+        found[hoop] = (max(found[hoop][0], low * duration), min(found[hoop][1], high * duration))
+    return tuple(found)
+
+
 def _admissible(problem: Problem, stage: Stage) -> bool:
     """Return whether grid and hoops of a stage belong to a problem."""
     grid, hoops = stage.grid, stage.hoops
     ascending = all(a < b for a, b in pairwise(hoops)) and set(hoops) <= {*problem.hoops}
-    return ascending and grid.rate_max == problem.scenario.quadrotor.rate_max and grid.time >= problem.duration
+    if isinstance(grid, HoldGrid):
+        steps = grid.parts >= 1 and 0 < problem.steps * grid.parts == grid.steps and grid.step == problem.scenario.dt
+    else:
+        steps = grid.time >= problem.duration
+    return ascending and grid.rate_max == problem.scenario.quadrotor.rate_max and steps
 
 
 def _cut(windows: Windows, hoops: Sequence[int], left: Sequence[tuple[float, float]]) -> Windows:
@@ -120,48 +137,93 @@ class Exclusion:
 
     def run(self, hoops: Sequence[int], max_evaluations: int = MAX_EVALUATIONS) -> Exclusion:
         """Search with a chain through some hoops, on grids from coarse to fine."""
-        self.windows: Windows = possible_windows(self.problem)
-        self.stages, self.value = [], np.inf
-        rate = self.problem.scenario.quadrotor.rate_max
-        grids = [time_grid(self.problem.duration, rate, turn=self.turn)]
+        self.windows: Windows = _branch_windows(self.problem, self.branch)
+        self._widest = self._length(hoops)
+        self.stages, self.value, self._starts, self._pace = [], np.inf, [self.multipliers], 0.0
+        grids = self._grids(hoops)
+        self._separation: Separation | None = None
+        stalled, before = {TimeGrid: 0, HoldGrid: 0}, np.inf
+        for grid in grids:
+            # Finer grids do not help where the chains of a grid disagree; a split does.
+            kind = type(grid)
+            if stalled[kind] >= (1 if self.problem.steps and kind is TimeGrid else 2):
+                continue
+            late = time.monotonic() + self._pace * self._cost(grid, hoops) > self.deadline
+            if late or self._cost(grid, hoops) > self.limit:
+                break
+            if self._stage(grid, hoops, max_evaluations, grid is grids[-1]):
+                break
+            impossible = self._separation is not None and self._separation.impossible
+            stalled[kind] += impossible + 2 * (self.value > STALL * before)
+            before = self.value
+        return self
+
+    def split(self) -> list[Branch]:
+        """Return two parts of the branch, split by the quantity on which the chains of the last grid disagree most."""
+        branch, vehicle = self.branch, self.problem.scenario.quadrotor
+        if self._separation is None:  # the deadline passed before the first evaluation
+            return [branch]
+        hoops = self._chain_hoops
+        middle, spread = self._separation.middle, self._separation.spread.copy()
+        spread[: len(hoops)] *= self.problem.duration * vehicle.rate_max  # as angles
+        for i in np.argsort(-spread):
+            if i < len(hoops):
+                parts = branch.split_passing(hoops[i], float(middle[i]))
+                proper = all(low < high for part in parts for hoop, low, high in part.passing)
+            else:
+                parts = branch.split_tilt(TILT_SHARES[i - len(hoops)], float(middle[i]))
+                proper = all(low < high for part in parts for _, low, high in part.held)
+            if proper:
+                break
+        return parts
+
+    def _grids(self, hoops: Sequence[int]) -> list[Grid]:
+        """Return the grids from coarse to fine; held controls take grids of their own after those that cut windows."""
+        problem, vehicle = self.problem, self.problem.scenario.quadrotor
+        grids: list[Grid] = [time_grid(problem.duration, vehicle.rate_max, turn=self.turn)]
         while hoops and self._cost(grids[0], hoops) > CHEAP and grids[0].turn >= 2 * LEAST_ANGLES:
-            coarser = time_grid(self.problem.duration, rate, turn=grids[0].turn * 2 // 3)
+            coarser = time_grid(problem.duration, vehicle.rate_max, turn=grids[0].turn * 2 // 3)
             if coarser.turn >= grids[0].turn:
                 break
             grids.insert(0, coarser)
-        for grid in grids:
-            last = grid is grids[-1]
-            if time.monotonic() > self.deadline or self._cost(grid, hoops) > self.limit:
-                break
-            if self._stage(grid, hoops, max_evaluations if last else COARSE_EVALUATIONS, last):
-                break
-            if self.branch.winding is None and len(hoops) > 1 and math.isfinite(self.value):
-                break  # The windings are then cheaper than a finer grid for all of them.
-        return self
+        if problem.steps and self.branch.winding is not None and len(hoops) == len(problem.hoops):
+            for reach, parts in HOLD_GRIDS:
+                parts = parts if hoops else 1
+                grids.append(hold_grid(problem.steps, problem.scenario.dt, vehicle.rate_max, reach=reach, parts=parts))
+        return grids
 
-    def _stage(self, grid: TimeGrid, hoops: Sequence[int], max_evaluations: int, last: bool) -> bool:
+    def _stage(self, grid: Grid, hoops: Sequence[int], max_evaluations: int, last: bool) -> bool:
         """Cut the windows on one grid, and search for multipliers that exclude the branch there."""
         hoops = hoops_apart(self.problem, grid, hoops) if hoops else ()
         dual = self._dual(grid, hoops)
-        y = self._select(hoops)
+        starts = [self._select(hoops, start) for start in self._starts]
         if not dual.possible:
-            return self._add(grid, hoops, y, -np.inf)
-        if hoops and self._prune(grid, hoops, y):
-            return True
-        if grid.turn < self.turn / 2.5:
-            return False  # The multipliers of a coarse grid suit its errors, not the next grid.
-        found = separate(self._dual(grid, hoops), y, max_evaluations, self.deadline)
+            return self._add(grid, hoops, starts[0], -np.inf)
+        if hoops:
+            if len(starts) > 1:
+                starts.sort(key=lambda y: dual.evaluate(y).value)
+                self.evaluations += len(starts)
+            if self._prune(dual, starts[0]):
+                return True
+            dual = self._dual(grid, hoops)
+        begun = time.monotonic()
+        if not last and hoops:
+            cut = self._length(hoops) < self._widest / 2 or self._cost(grid, hoops) < MODERATE
+            max_evaluations = min(max_evaluations, CUT_EVALUATIONS if cut else WIDE_EVALUATIONS)
+        found = separate(dual, starts, max_evaluations, self.deadline)
+        self._pace = (time.monotonic() - begun) / found.evaluations / self._cost(grid, hoops)
         self.evaluations += found.evaluations
+        self._separation, self._chain_hoops = found, dual.hoops
         self._insert(hoops, found.multipliers)
         if found.value < 0:
             return self._add(grid, hoops, found.multipliers, found.value)
         self.value = found.value
-        return bool(hoops) and not last and self._prune(grid, hoops, found.multipliers)
+        return bool(hoops) and not last and self._prune(dual, found.multipliers)
 
-    def _prune(self, grid: TimeGrid, hoops: tuple[int, ...], y: Array) -> bool:
+    def _prune(self, dual: Dual, y: Array) -> bool:
         """Cut the windows with some multipliers while they shrink. Return whether no flight is left."""
+        grid, hoops = dual.grid, dual.hoops
         while True:
-            dual = self._dual(grid, hoops)
             left = dual.prune(y) if dual.possible else None
             self.evaluations += 1
             if left is None:
@@ -174,23 +236,25 @@ class Exclusion:
             self.stages.append(Stage(grid, hoops, y))
             if self._length(hoops) > SHRINKAGE * before or time.monotonic() > self.deadline:
                 return False
+            dual = self._dual(grid, hoops)
 
-    def _add(self, grid: TimeGrid, hoops: tuple[int, ...], y: Array, value: float) -> bool:
+    def _add(self, grid: Grid, hoops: tuple[int, ...], y: Array, value: float) -> bool:
         self.stages.append(Stage(grid, hoops, y))
         self.value = value
         return True
 
-    def _dual(self, grid: TimeGrid, hoops: tuple[int, ...]) -> Dual:
+    def _dual(self, grid: Grid, hoops: tuple[int, ...]) -> Dual:
         return Dual(self.problem, grid, self.branch, hoops, [self.windows[i] for i in hoops])
 
     def _length(self, hoops: Sequence[int]) -> float:
         return sum(self.windows[i][1] - self.windows[i][0] for i in hoops)
 
-    def _cost(self, grid: TimeGrid, hoops: Sequence[int]) -> float:
+    def _cost(self, grid: Grid, hoops: Sequence[int]) -> float:
         """Return the cost of one evaluation, in samples times tilts."""
         counts = [1.0, *(1 + (self.windows[i][1] - self.windows[i][0]) / grid.dt for i in hoops), 1.0]
         pairs = sum(a * b for a, b in pairwise(counts))
-        return 2 * pairs * grid.steps / len(counts[1:]) * grid.turn
+        each = grid.reach / grid.parts if isinstance(grid, HoldGrid) else 2.0
+        return each * pairs * grid.steps / len(counts[1:]) * grid.turn
 
     def _positions(self, hoops: Sequence[int]) -> Array:
         """Return the indices of the multipliers of a chain through some hoops among those of all hoops."""
@@ -199,15 +263,17 @@ class Exclusion:
         rest = np.arange(2 * (len(self.problem.hoops) + 2), len(self.multipliers))
         return np.concatenate([vectors, rest]).astype(np.int64)
 
-    def _select(self, hoops: Sequence[int]) -> Array:
-        y = self.multipliers[self._positions(hoops)]
+    def _select(self, hoops: Sequence[int], multipliers: Array) -> Array:
+        y = multipliers[self._positions(hoops)]
         return np.asarray(y / max(float(np.linalg.norm(y)), np.finfo(np.float64).tiny))
 
     def _insert(self, hoops: Sequence[int], y: Array) -> None:
+        """Take multipliers as the first start of the next grid, beside the initial ones."""
         positions = self._positions(hoops)
         scale = float(np.linalg.norm(self.multipliers[positions]))
         self.multipliers = self.multipliers.copy()
         self.multipliers[positions] = scale * y
+        self._starts = [self.multipliers, self._starts[-1]]
 
 
 @lru_cache(maxsize=1)

@@ -17,8 +17,7 @@ from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario, Tolerance
 from optimal.flights.projection_bound import passing_windows
 from optimal.proof.rounding import TIME_MARGIN
-from optimal.proof.tilt_program import Integers
-from optimal.proof.time_grid import TimeGrid
+from optimal.proof.tilt_program import Grid, Integers
 
 Interval = tuple[float, float]
 STEPS_APART = 4
@@ -34,12 +33,14 @@ class Problem:
         tolerance: goal tolerance; None requires exact rest at the goal.
         duration: duration T of the flights [s].
         kinks: times at which the slope of q may jump at floor and ceiling, as shares of the grid's duration.
+        steps: number of environment steps, if controls are held over steps; 0 if they may change at any time.
     """
 
     scenario: Scenario
     tolerance: Tolerance | None
     duration: float
     kinks: tuple[float, ...] = ()
+    steps: int = 0
 
     @property
     def hoops(self) -> tuple[int, ...]:
@@ -92,18 +93,18 @@ class Stations:
         self.far = np.array([max(math.dist(a, b) for a in one for b in other) for one, other in pairs]) + slack + error
         self.near = np.maximum([segment_distance(*pair) for pair in pairs] - slack - error, 0.0)
 
-    def least_times(self, problem: Problem, grid: TimeGrid) -> Array:
+    def least_times(self, problem: Problem, grid: Grid) -> Array:
         """Return lower bounds of the times between consecutive stations [s], shape (m+1,)."""
         vehicle = problem.scenario.quadrotor
         return self.near / greatest_speed(vehicle.thrust_max + vehicle.gravity, grid, problem)
 
 
-def greatest_speed(acceleration: float, grid: TimeGrid, problem: Problem) -> float:
+def greatest_speed(acceleration: float, grid: Grid, problem: Problem) -> float:
     """Return an upper bound of the speed of a flight that starts at rest and ends with the tolerance's speed [m/s]."""
     return (acceleration * grid.steps * grid.dt + problem.speed) / 2 * (1 + TIME_MARGIN)
 
 
-def hoops_apart(problem: Problem, grid: TimeGrid, hoops: Sequence[int]) -> tuple[int, ...]:
+def hoops_apart(problem: Problem, grid: Grid, hoops: Sequence[int]) -> tuple[int, ...]:
     """Return the hoops without those that are too close to the station before them, or to the goal, for a grid."""
     found: tuple[int, ...] = ()
     for hoop in hoops:
@@ -146,7 +147,7 @@ def possible_windows(problem: Problem) -> Windows:
     return tuple((low * problem.duration, high * problem.duration) for low, high in shares)
 
 
-def to_instants(windows: Sequence[Interval], problem: Problem, grid: TimeGrid) -> Integers:
+def to_instants(windows: Sequence[Interval], problem: Problem, grid: Grid) -> Integers:
     """Return the first and last instant of each window on a grid, rounded outwards, shape (m, 2)."""
     margin = TIME_MARGIN * grid.steps
     found = np.array(windows, dtype=np.float64).reshape(-1, 2) / grid.dt + _delay(problem, grid) / grid.dt
@@ -154,12 +155,12 @@ def to_instants(windows: Sequence[Interval], problem: Problem, grid: TimeGrid) -
     return np.clip(found, [1, 0], [grid.steps, grid.steps - 1]).astype(np.int64)
 
 
-def to_times(instants: Integers, problem: Problem, grid: TimeGrid) -> list[Interval]:
+def to_times(instants: Integers, problem: Problem, grid: Grid) -> list[Interval]:
     """Return windows of instants on a grid as intervals of the time [s]; `to_instants` allows for the rounding."""
     delay = _delay(problem, grid)
     return [(float(low * grid.dt - delay), float(high * grid.dt - delay)) for low, high in instants]
 
 
-def _delay(problem: Problem, grid: TimeGrid) -> float:
+def _delay(problem: Problem, grid: Grid) -> float:
     """Return the time by which a flight of duration T hovers first on a grid [s]."""
     return grid.steps * grid.dt - problem.duration

@@ -56,9 +56,11 @@ from numpy.typing import NDArray
 
 from flatgym.quadrotor import Array, Quadrotor
 from optimal.proof.branches import TiltInterval
-from optimal.proof.rounding import TIME_MARGIN
-from optimal.proof.time_grid import TimeGrid
+from optimal.proof.rounding import LEAST_LENGTH, TIME_MARGIN
+from optimal.proof.time_grid import HoldGrid, TimeGrid
+from optimal.proof.zero_order_hold import Hold, hold_tables, no_hold
 
+Grid = TimeGrid | HoldGrid
 Integers = NDArray[np.int64]
 
 
@@ -70,6 +72,9 @@ class Tilts(NamedTuple):
         circular: whether the tables are one whole turn, closed to a circle.
         sin, cos: sine and cosine by position.
         first, last: distance to 0 and to the winding by position, as multiples of d.
+        zero: position of the angle 0.
+        hold: tables for controls that are held (`optimal.proof.zero_order_hold`). `low` and `high` then belong to the
+            instants, shape (N+1,), and the spare entries are those that a step reaches.
     """
 
     low: Integers
@@ -79,6 +84,8 @@ class Tilts(NamedTuple):
     cos: Array
     first: Array
     last: Array
+    zero: int
+    hold: Hold
 
     @property
     def possible(self) -> bool:
@@ -102,14 +109,14 @@ class Limits(NamedTuple):
     bulge: float
 
 
-def limits(quadrotor: Quadrotor, grid: TimeGrid) -> Limits:
+def limits(quadrotor: Quadrotor, grid: Grid) -> Limits:
     """Return the limits of a vehicle on a grid."""
     bulge = grid.angle**2 / 8 * quadrotor.thrust_max
     return Limits(quadrotor.thrust_min, quadrotor.thrust_max, quadrotor.gravity, grid.dt, bulge)
 
 
 def tilts(
-    grid: TimeGrid,
+    grid: Grid,
     winding: int | None,
     slack: float = 0.0,
     held: Sequence[TiltInterval] = (),
@@ -124,10 +131,11 @@ def tilts(
         held: bounds of the tilt at some instants; none on the circle.
         duration: duration of the flights to whose shares `held` refers [s]. They hover first, until they fill the grid.
     """
-    turn = grid.turn
+    turn, hold = grid.turn, isinstance(grid, HoldGrid)
+    pad = grid.reach if isinstance(grid, HoldGrid) else 1
     if winding is None:
-        if held:
-            raise ValueError("tilts can be held for one winding only")
+        if held or hold:
+            raise ValueError("tilts can be held within bounds, and controls over steps, for one winding only")
         low, high = np.zeros(grid.steps), np.full(grid.steps, turn - 1.0)
         index, target = np.arange(turn), 0
         first = last = np.minimum(index, turn - index)
@@ -137,22 +145,32 @@ def tilts(
         index = np.arange(int(low.min()), int(high.max()) + 1)
         first, last = np.abs(index), np.abs(index - target)
     angle = grid.angle * ((index + turn // 2) % turn - turn // 2)
-    tables = (np.pad(table.astype(np.float64), 1) for table in (np.sin(angle), np.cos(angle), first, last))
-    origin = int(index[0]) - 1 if len(index) else 0
-    return Tilts((low - origin).astype(np.int64), (high - origin).astype(np.int64), winding is None, *tables)
+    tables = (np.sin(angle), np.cos(angle), first, last)
+    sin, cos, first, last = (np.pad(table.astype(np.float64), pad) for table in tables)
+    origin = int(index[0]) - pad if len(index) else 0
+    stages = hold_tables(grid, index, pad) if isinstance(grid, HoldGrid) else no_hold()
+    lowest, highest = (low - origin).astype(np.int64), (high - origin).astype(np.int64)
+    return Tilts(lowest, highest, winding is None, sin, cos, first, last, -origin, stages)
 
 
-def _reach(
-    grid: TimeGrid, target: int, slack: float, held: Sequence[TiltInterval], duration: float
-) -> tuple[Array, Array]:
-    """Return the least and greatest multiple of d of sample k, shape (N,) each; least > greatest if there is none."""
-    k, count = np.arange(grid.steps), grid.steps
-    margin = math.ceil(slack / grid.angle)
-    low = np.maximum(-(k + 1.0), target - margin - (count - k))
-    high = np.minimum(k + 1.0, target + margin + (count - k))
+def _reach(grid: Grid, target: int, slack: float, held: Sequence[TiltInterval], duration: float) -> tuple[Array, Array]:
+    """Return the least and greatest multiple of d of each sample, or of each instant if controls are held.
+
+    There is none where least > greatest.
+    """
+    count, margin = grid.steps, math.ceil(slack / grid.angle)
+    if isinstance(grid, HoldGrid):
+        early = late = np.arange(count + 1)
+        before, pace = -(-late * grid.reach // grid.parts), grid.reach / grid.parts
+    else:  # sample k lies between the instants k and k + 1, and the vehicle turns by one angle in a time step
+        early = np.arange(count)
+        before, pace = (late := early + 1), 1.0
+    after = before[::-1]
+    low, high = np.maximum(-before, target - margin - after), np.minimum(before, target + margin + after)
+    low, high = low.astype(np.float64), high.astype(np.float64)
     for share, least, greatest in held:
         at = count - (1 - share) * duration / grid.dt
-        apart = np.maximum(np.abs(k - at), np.abs(k + 1 - at)) + TIME_MARGIN * count
+        apart = pace * np.maximum(np.abs(early - at), np.abs(late - at)) + TIME_MARGIN * count
         low = np.maximum(low, np.floor(least / grid.angle - apart))
         high = np.minimum(high, np.ceil(greatest / grid.angle + apart))
     return low, high
@@ -211,3 +229,45 @@ def _add_best(row, left, middle, right):  # type: ignore[no-untyped-def]
     for i in range(row.shape[0]):
         best = left[i] if left[i] > right[i] else right[i]
         row[i] += best if best > middle[i] else middle[i]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def best_neighbour(row, j, k, tilts):  # type: ignore[no-untyped-def]
+    """Return the position of the greatest of up to three values of sample k that can be reached from position j."""
+    width, nearest, greatest = tilts.sin.shape[0], j, -np.inf
+    for i in (j, j - 1, j + 1):
+        if tilts.circular:
+            i = width - 2 if i == 0 else (1 if i == width - 1 else i)
+        elif i < tilts.low[k] or i > tilts.high[k]:
+            continue
+        if row[i] > greatest:
+            nearest, greatest = i, row[i]
+    return nearest
+
+
+@numba.njit(cache=True, error_model="numpy")
+def follow(k0, k1, tilts, rows, path, j):  # type: ignore[no-untyped-def]
+    """Write the best tilts of samples k0..k1-1 to `path`, from position j on; return the position of the next one."""
+    for k in range(k0, k1):
+        path[k] = j
+        if k < tilts.low.shape[0] - 1:
+            j = best_neighbour(rows[k + 1 - k0], j, k + 1, tilts)
+    return j
+
+
+def gradient(begin: int, path: Integers, weight: Array, tilts: Tilts, limits: Limits) -> Array:
+    """Return the derivative of the sum over all samples with respect to the weights at the instants, shape (N+1, 2).
+
+    Args:
+        begin: whether the weight of a sample is that at its begin (0) or at its end (1).
+        path: positions of the tilts of the samples, shape (N+1,); the last is not used.
+        weight: at the instants, shape (N+1, 2).
+        tilts, limits: of the programme.
+    """
+    weight, path = weight[begin : len(weight) - 1 + begin], path[:-1]
+    up = np.stack([tilts.sin[path], tilts.cos[path]], axis=-1)
+    thrust = np.where((weight * up).sum(axis=1) > 0, limits.thrust_max, limits.thrust_min)[:, None]
+    unit = weight / np.maximum(np.hypot(*weight.T), LEAST_LENGTH)[:, None]
+    found = np.zeros((len(weight) + 1, 2))
+    found[begin : len(weight) + begin] = limits.dt * (thrust * up - [0.0, limits.gravity] + limits.bulge * unit)
+    return found

@@ -1,7 +1,8 @@
-"""The grid of the dynamic programme: instants, and angles between which the vehicle can turn in one time step.
+"""The grids of the dynamic programmes: instants, and angles that divide a whole turn evenly.
 
-The angles divide a whole turn evenly, so that all windings end on the grid. The time step is the time in which the
-vehicle turns by one angle at its greatest rate. The duration of a grid is therefore one of a discrete set of times.
+All windings end on a grid. Where controls may change at any time (`TimeGrid`), the time step is the time in which the
+vehicle turns by one angle at its greatest rate. The duration of such a grid is one of a discrete set of times. Where
+controls are held over environment steps (`HoldGrid`), the instants divide the steps, and the angles are finer.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ DEFAULT_ANGLES = 400
 """Least angles of one turn for a gap of 1e-3."""
 ANGLE_RANGE = 0.2
 """Range of the number of angles that is searched, relative to the least one. Some grid then ends close to any time."""
+REACH_RANGE = 0.5
+"""Range of the angles of one environment step that is searched, relative to the least number."""
 LEAST_STEPS = 100
 """Fewest instants of a grid, for vehicles that turn little in the time they have."""
 
@@ -47,6 +50,64 @@ class TimeGrid:
     def time(self) -> float:
         """Duration T [s], rounded downwards."""
         return self.steps * self.dt * (1 - 8 * UNIT_ROUNDOFF)
+
+
+@dataclass(frozen=True)
+class HoldGrid:
+    """Instants t_k = k dt that divide environment steps into equal parts, and angles that divide a turn.
+
+    Attributes:
+        steps: number N of instants after the first; a multiple of `parts`.
+        turn: number of angles of a whole turn.
+        rate_max: greatest rate of the vehicle [rad/s].
+        parts: instants in one environment step.
+        step: length of an environment step [s].
+    """
+
+    steps: int
+    turn: int
+    rate_max: float
+    parts: int
+    step: float
+
+    @property
+    def angle(self) -> float:
+        """Angle d between neighbouring grid angles [rad]."""
+        return 2 * math.pi / self.turn
+
+    @property
+    def dt(self) -> float:
+        """Time between instants [s]."""
+        return self.step / self.parts
+
+    @property
+    def time(self) -> float:
+        """Duration T [s]."""
+        return self.steps // self.parts * self.step
+
+    @property
+    def reach(self) -> int:
+        """Angles by which the vehicle turns in one environment step at most, rounded upwards."""
+        return math.ceil(self.rate_max * self.step / self.angle * (1 + 8 * UNIT_ROUNDOFF))
+
+
+def hold_grid(count: int, step: float, rate_max: float, *, reach: int, parts: int) -> HoldGrid:
+    """Return a grid for a number of environment steps.
+
+    A step turns the vehicle by a number of angles that is not whole, and the programme rounds it upwards. The number of
+    angles is chosen so that this relaxes the rate least.
+
+    Args:
+        count: number of environment steps.
+        step: length of an environment step [s].
+        rate_max: greatest rate of the vehicle [rad/s].
+        reach: least number of angles by which a step turns the vehicle.
+        parts: instants in one environment step.
+    """
+    turned = rate_max * step
+    turns = [math.floor(2 * math.pi * n / turned) for n in range(reach, round(reach * (1 + REACH_RANGE)) + 1)]
+    grids = [HoldGrid(count * parts, turn, rate_max, parts, step) for turn in turns]
+    return min(grids, key=lambda grid: grid.reach * grid.angle)
 
 
 def time_grid(time: float, rate_max: float, *, turn: int = DEFAULT_ANGLES) -> TimeGrid:

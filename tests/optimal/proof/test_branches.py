@@ -4,18 +4,23 @@ import math
 
 import pytest
 
-from optimal.proof.branches import Branch, TiltInterval, covered
+from optimal.proof.branches import Branch, PassingInterval, TiltInterval, covered
 
 SHARES = (0.25, 0.5, 0.75)
-REACH = (-4.0, 4.0)
+HOOPS = 2
 
 
-def grown(generator, halvings) -> list[Branch]:
-    """Return the leaves of a tree of random halvings."""
+def grown(generator, splits) -> list[Branch]:
+    """Return the leaves of a tree of random splits, in which every leaf contains flights."""
     leaves = [Branch(0)]
-    for _ in range(halvings):
+    while len(leaves) <= splits:
         leaf = leaves.pop(int(generator.integers(len(leaves))))
-        leaves += leaf.halve_tilt(SHARES[int(generator.integers(len(SHARES)))], REACH)
+        if generator.random() < 0.5:
+            parts = leaf.split_tilt(SHARES[int(generator.integers(len(SHARES)))], float(generator.normal(scale=3)))
+        else:
+            parts = leaf.split_passing(int(generator.integers(HOOPS)), float(generator.random()))
+        proper = all(low < high for part in parts for _, low, high in (*part.held, *part.passing))
+        leaves += parts if proper else [leaf]
     return leaves
 
 
@@ -32,9 +37,11 @@ def test_repeated_halvings_cover_all_flights_and_a_missing_branch_is_detected(ha
 def test_every_flight_belongs_to_a_leaf(generator):
     leaves = grown(generator, 40)
     for _ in range(300):
-        tilts = generator.normal(scale=10, size=len(SHARES))  # also beyond REACH
+        tilts, times = generator.normal(scale=10, size=len(SHARES)), generator.random(HOOPS)
         assert any(
-            all(held.low <= tilts[SHARES.index(held.share)] <= held.high for held in leaf.held) for leaf in leaves
+            all(held.low <= tilts[SHARES.index(held.share)] <= held.high for held in leaf.held)
+            and all(passing.low <= times[passing.hoop] <= passing.high for passing in leaf.passing)
+            for leaf in leaves
         )
 
 
@@ -54,11 +61,26 @@ def test_a_tilt_bounded_on_both_sides_does_not_cover_the_tilts_outside():
     assert not covered([Branch(1, (inside, TiltInterval(0.5, 0.0, 2.0))), Branch(1, (outside,))], [1])
 
 
-def test_tilts_are_halved_within_the_reachable_range_and_stay_unbounded_outwards():
-    first, second = Branch(0).halve_tilt(0.5, (-1.0, 3.0))
+def test_a_bounded_passing_time_does_not_cover_the_others():
+    early, late = PassingInterval(1, -math.inf, 0.4), PassingInterval(1, 0.4, math.inf)
+    assert covered([Branch(0, (), (early,)), Branch(0, (), (late,))], [0])
+    assert not covered([Branch(0, (), (early,)), Branch(0, (), (PassingInterval(0, 0.4, math.inf),))], [0])
+    # A hoop and a share of T with the same number are two quantities.
+    assert not covered([Branch(0, (TiltInterval(1, -math.inf, 0.4),)), Branch(0, (), (late,))], [0])
+    assert not covered([Branch(None, (), (PassingInterval(0, -math.inf, math.inf),))], [0])
+
+
+def test_parts_stay_unbounded_outwards():
+    first, second = Branch(0).split_tilt(0.5, 1.0)
     assert first.held == (TiltInterval(0.5, -math.inf, 1.0),)
     assert second.held == (TiltInterval(0.5, 1.0, math.inf),)
-    assert [half.held for half in second.halve_tilt(0.5, (-1.0, 3.0))] == [
+    assert [part.held for part in second.split_tilt(0.5, 2.0)] == [
         (TiltInterval(0.5, 1.0, 2.0),),
         (TiltInterval(0.5, 2.0, math.inf),),
     ]
+    early, late = first.split_passing(1, 0.3)
+    assert early.held == late.held == first.held
+    assert (early.passing, late.passing) == (
+        (PassingInterval(1, -math.inf, 0.3),),
+        (PassingInterval(1, 0.3, math.inf),),
+    )

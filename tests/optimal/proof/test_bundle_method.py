@@ -38,7 +38,7 @@ def perturbed(dual: Dual, start: np.ndarray, generator, spread: float) -> np.nda
 def test_a_time_too_short_is_separated_from_poor_starts(name, share, generator):
     dual, costates = problem(name, share)
     for spread in (0.0, 0.03, 0.1, 0.3):
-        found = separate(dual, perturbed(dual, costates, generator, spread))
+        found = separate(dual, [perturbed(dual, costates, generator, spread)])
         assert found.value < 0
         assert 1 <= found.evaluations <= MAX_EVALUATIONS
 
@@ -47,14 +47,14 @@ def test_a_time_too_short_is_separated_from_poor_starts(name, share, generator):
 def test_a_time_long_enough_is_never_separated(name, generator):
     dual, costates = problem(name, 1.01)
     for spread in (0.0, 0.1, 1.0):
-        assert separate(dual, perturbed(dual, costates, generator, spread)).value >= 0
+        assert separate(dual, [perturbed(dual, costates, generator, spread)]).value >= 0
 
 
 def test_the_result_is_the_dual_value_at_unit_multipliers_of_the_right_sign(generator):
     for share in (0.97, 1.01):
         dual, costates = problem("ground-6", share)
         for spread in (0.1, 1.0):
-            found = separate(dual, perturbed(dual, costates, generator, spread))
+            found = separate(dual, [perturbed(dual, costates, generator, spread)])
             assert found.value == sum(dual(found.multipliers)[:2])
             assert np.linalg.norm(found.multipliers) == pytest.approx(1.0, rel=1e-12)
             assert (found.multipliers[dual.signed] >= 0).all()
@@ -63,7 +63,7 @@ def test_the_result_is_the_dual_value_at_unit_multipliers_of_the_right_sign(gene
 def test_more_evaluations_never_give_a_worse_value(generator):
     dual, costates = problem("horizontal-6", 1.005)
     start = perturbed(dual, costates, generator, 0.3)
-    values = [separate(dual, start, steps).value for steps in (1, 2, 5, 10, 20)]
+    values = [separate(dual, [start], steps).value for steps in (1, 2, 5, 10, 20)]
     assert (np.diff(values) <= 0).all()
     assert values[-1] < 0.2 * values[0]
 
@@ -71,7 +71,7 @@ def test_more_evaluations_never_give_a_worse_value(generator):
 def test_the_length_of_the_start_does_not_matter(generator):
     dual, costates = problem("horizontal-6", 0.99)
     start = perturbed(dual, costates, generator, 0.2)
-    values = [separate(dual, factor * start, 3).value for factor in (1e-3, 1.0, 1e3)]
+    values = [separate(dual, [factor * start], 3).value for factor in (1e-3, 1.0, 1e3)]
     assert values == pytest.approx([values[0]] * 3, rel=1e-6)
 
 
@@ -91,9 +91,9 @@ def test_a_separating_plane_is_found_if_and_only_if_it_exists(generator):
         for _ in range(20):
             points, start = generator.normal(size=(12, size)), generator.normal(size=size)
             away = points + 1.2 * np.abs(points).max() * np.eye(size)[0] * np.sqrt(size)
-            assert separate(Polyhedron(away), start).value < 0
+            assert separate(Polyhedron(away), [start]).value < 0
             around = np.vstack([points, -points])
-            assert separate(Polyhedron(around), start).value >= 0
+            assert separate(Polyhedron(around), [start]).value >= 0
 
 
 def test_signed_multipliers_restrict_the_planes(generator):
@@ -101,7 +101,7 @@ def test_signed_multipliers_restrict_the_planes(generator):
     points = np.column_stack([np.ones(6), *generator.normal(size=(2, 6))])
     points = np.vstack([points, points * [1, -1, -1]])
     start = np.array([0.5, 0.5, 0.5])
-    assert separate(Polyhedron(points), start).value < 0
-    signed = separate(Polyhedron(points, [0]), start)
+    assert separate(Polyhedron(points), [start]).value < 0
+    signed = separate(Polyhedron(points, [0]), [start])
     assert signed.value >= 0
     assert signed.multipliers[0] >= 0

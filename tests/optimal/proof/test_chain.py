@@ -303,7 +303,7 @@ def test_no_multipliers_exclude_a_flown_time_and_no_window_loses_the_flight(seed
         near = [(t - 0.05, t + 0.05) for t in passing]
         dual = Dual(problem, grid, branch, hoops, [near[i] for i in hoops])
         assert len(hoops) == len(passing)
-        assert separate(dual, costates, 5).value > 0
+        assert separate(dual, [costates], 5).value > 0
         for spread in (0.0, 0.03, 0.3):
             y = costates + spread * generator.normal(size=dual.size)
             y[dual.signed] = np.abs(y[dual.signed])

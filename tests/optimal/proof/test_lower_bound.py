@@ -14,7 +14,6 @@ from optimal.flights.projection_bound import projection_bound
 from optimal.proof.branch_and_bound import ExcludedBranch
 from optimal.proof.branches import Branch
 from optimal.proof.lower_bound import Proof, Verdict, lower_bound, prove, prove_near
-from optimal.proof.step_bound import least_steps, prove_steps, relaxed_scenario
 
 CLOSED = ("horizontal-3", "horizontal-6", "horizontal-9", "horizontal-12", "horizontal-15", "ground-6", "diagonal",
           "climb", "drop", "hoop", "high-hoop")  # fmt: skip
@@ -123,6 +122,10 @@ def test_a_proof_is_invalid_for_a_greater_time_or_an_easier_task():
         assert not replace(found, scenario=easier).check()
     assert not replace(proof("high-hoop"), scenario=replace(SCENARIOS["high-hoop"], hoops=(hoop,))).check()
     assert not replace(found, tolerance=Tolerance()).check()
+
+
+def test_the_verdict_impossible_is_checked():
+    assert not Proof(SCENARIOS["hoop"], None, math.inf, math.inf, Verdict.IMPOSSIBLE).check()
 
 
 def test_held_tilts_are_part_of_the_proof():
@@ -288,41 +291,3 @@ def test_gaps_and_budgets_must_be_positive(name, value):
 def test_unknown_scenarios_are_named():
     with pytest.raises(ValueError, match=r"unknown scenario 'hop'.*did you mean 'hoop'"):
         prove("hop")
-
-
-# Environment steps.
-
-
-def test_fewer_steps_than_the_fewest_are_excluded():
-    found = prove_steps(SCENARIOS["horizontal-6"], fastest("horizontal-6"), 61)
-    assert found.verdict is Verdict.CLOSED
-    assert least_steps(found) == 61
-    assert found.time >= 60 * 0.02
-    assert found.check()
-
-
-def test_an_unneeded_step_is_never_proven_needed():
-    found = prove_steps(SCENARIOS["horizontal-6"], fastest("horizontal-6"), 62)
-    assert found.verdict is Verdict.ONE_STEP_SHORT  # a flight of the duration of 61 steps exists
-    assert least_steps(found) <= 61
-    tolerant = solve_winding(SCENARIOS["horizontal-6"], tolerant=True).trajectory.duration
-    assert tolerant / 1.002 < found.time < tolerant
-    assert found.check()
-
-
-def test_the_relaxed_scenario_includes_the_rounding_of_an_environment():
-    target = SCENARIOS["high-hoop"]
-    wide = relaxed_scenario(target)
-    assert wide.hoops[0].diameter > target.hoops[0].diameter
-    assert all(getattr(wide.tolerance, n) > getattr(target.tolerance, n) for n in ("position", "speed", "angle"))
-    ground = relaxed_scenario(replace(SCENARIOS["ground-6"], ceiling=9.0))
-    assert ground.floor < 0.0
-    assert ground.ceiling > 9.0
-    assert (wide.start, wide.goal, wide.floor) == (target.start, target.goal, None)
-
-
-def test_least_steps_follow_from_the_proven_time():
-    found = replace(proof("horizontal-6"), time=1.2)
-    assert least_steps(replace(found, time=np.nextafter(1.2, 0))) == 60
-    assert least_steps(replace(found, time=1.2000001)) == 61
-    assert least_steps(replace(found, time=0.0)) == 1
