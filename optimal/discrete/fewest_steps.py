@@ -132,7 +132,7 @@ def _proven_bound(
 ) -> tuple[int, str]:
     """Return a proven lower bound of the number of steps, and how the proof ended."""
     # Imported here, because it needs numba, which takes longer to import than everything else.
-    from optimal.proof.step_bound import least_steps, prove_steps
+    from optimal.discrete.step_bound import least_steps, prove_steps
 
     proof = prove_steps(target, shot, steps, time_budget)
     return max(bound, least_steps(proof)), proof.verdict.value

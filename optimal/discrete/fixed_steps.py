@@ -21,8 +21,6 @@ from optimal.discrete import program
 from optimal.flights.replay import crossing_times
 from optimal.flights.trajectory import Trajectory
 
-ARRIVAL_MARGIN = 1e-3
-"""Distance of m from 1 that counts as arrived: float32 actions move the end by less."""
 STEP_EDGE = 0.02
 """A crossing this near to an end of its step, as a share of the step, is moved to the neighbouring step."""
 PARALLEL = 1e-6
@@ -75,7 +73,7 @@ def solve_in_steps(
         tried.add(crossings)
         shape = program.StepShape(count, has_height_limits(target), crossings, rims)
         found = program.solve_program(target, shape, winding, guess, margins[0])
-        if found.m <= 1 - ARRIVAL_MARGIN:
+        if found.m <= 1:  # The replay with float32 actions decides about values close to 1.
             actions = np.clip(target.quadrotor.action(found.controls), -1, 1).astype(np.float32)
             states = replay_to_goal(target, actions)
             if states is not None:
