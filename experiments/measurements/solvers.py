@@ -13,7 +13,7 @@ import numpy as np
 
 import optimal
 from experiments.files import Row
-from experiments.measurements import batches, broken_flights, fewest_steps, flat, proofs
+from experiments.measurements import batches, broken_flights, fewest_steps, flat, proofs, tracks
 from experiments.measurements.rockit import rockit_solver
 from experiments.measurements.sections import (
     REFERENCE_TIMES,
@@ -143,5 +143,10 @@ SECTIONS: dict[str, Section] = {
     "goal_steps": fewest_steps.goal_steps,
     "broken": broken_flights.broken,
     "warm": proofs.warm,
+    "convergence": tracks.convergence,
+    "hoops": tracks.hoops,
+    "random_tracks": tracks.random_tracks,
+    "track_validity": tracks.track_validity,
+    "sampled_steps": tracks.sampled_steps,
 }
 """The sections by name."""
