@@ -16,7 +16,7 @@ import numpy as np
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
-from optimal.direct.guesses import first_guess, guess_along, upsampled_guess
+from optimal.direct.guesses import first_guess, guess_along, upsampled_guess, warm_start
 from optimal.direct.program import NODES, Shape, bounds, coarse_steps, layout, phase_steps, program
 from optimal.direct.transcription import has_height_limits
 from optimal.flights.trajectory import Trajectory
@@ -119,6 +119,13 @@ def solve_winding(
     """
     coarse = solve_coarse(scenario, winding, nodes=nodes, tolerant=tolerant, generator=generator)
     return solve_fine(scenario, coarse, nodes=nodes, tolerant=tolerant)
+
+
+def solve_tolerant(scenario: Scenario, shot: ShootingSolution) -> ShootingSolution:
+    """Solve for the flight near another one, on its grid, that may end anywhere within the tolerance."""
+    rims = bool(scenario.hoops) and scenario.quadrotor.radius > 0
+    shape = Shape(shot.steps, has_height_limits(scenario), tolerant=True, rims=rims)
+    return solve_from(scenario, shape, shot.winding, warm_start(shot.trajectory, shot.steps), warm=True)
 
 
 def solve_along(

@@ -39,6 +39,10 @@ WARM: dict[str, Any] = COLD | {
 }
 """Settings of a warm start: the guess is not pushed off its bounds, and the barrier is low from the beginning."""
 
+LARGEST_DERIVATIVE = 1e10
+"""Largest absolute entry of a Jacobian or Hessian; larger ones are clipped. While the factorisation finds a Hessian
+indefinite, the solver adds a growing multiple of the identity to it, without a limit of iterations. It has been seen
+never to return where entries reached 1e14."""
 RELAXATION = 1e-8
 """The solver relaxes each bound by this, relative to the bound or to 1, whichever is larger."""
 TIGHTENING_SHARE, TOUCHING_SHARE = 1.01, 0.99
@@ -88,9 +92,10 @@ def solver(stages: Stages, problem: dict[str, Any], further: Sequence[Constraint
     if further:
         jacobian, hessian = jacobian + spread @ r_jacobian, hessian + r_hessian
     gradient = ties.T @ lam_g + pick.T @ ca.vec(gradient) + f_gradient + r_gradient
+    value = ties @ x - place @ ca.vec(landed) + spread @ r
     known = {
-        "nlp_jac_g": ca.Function("nlp_jac_g", [x, p], [ties @ x - place @ ca.vec(landed) + spread @ r, jacobian]),
-        "nlp_hess_l": ca.Function("nlp_hess_l", [x, p, lam_f, lam_g], [gradient, hessian]),
+        "nlp_jac_g": ca.Function("nlp_jac_g", [x, p], [value, _clipped(jacobian)]),
+        "nlp_hess_l": ca.Function("nlp_hess_l", [x, p, lam_f, lam_g], [gradient, _clipped(hessian)]),
     }
     program = {"x": x, "p": p, "f": local["objective"](x, p), "g": g}
     return ca.nlpsol("stages", "fatrop", program, {**options, "equality": equations, "cache": known})
@@ -109,6 +114,12 @@ def tightened(low: Array, high: Array, share: float = TIGHTENING_SHARE) -> tuple
     up = np.where(room & least, share * RELAXATION * np.maximum(1, np.abs(np.where(least, low, 0.0))), 0.0)
     down = np.where(room & most, share * RELAXATION * np.maximum(1, np.abs(np.where(most, high, 0.0))), 0.0)
     return low + up, high - down
+
+
+def _clipped(matrix: Any) -> Any:
+    """Return a sparse matrix with entries clipped to +-LARGEST_DERIVATIVE; nan becomes one of the ends."""
+    entries = ca.fmin(ca.fmax(matrix.nz[:], -LARGEST_DERIVATIVE), LARGEST_DERIVATIVE)
+    return ca.MX(matrix.sparsity(), entries)
 
 
 def _selection(columns: Indices, width: int) -> Any:

@@ -5,6 +5,8 @@ chooses its length as a third control; the later ones inherit it:
 
     (X[k+1], h[k+1]) = (step(X[k], U[k], h), h),   h = U[k, 2] in the first step of a phase, else h[k].
 
+A stage may hold further unknowns, at its end.
+
 Every constraint except these ties the unknowns of one stage only. That is the form that the interior-point solver
 fatrop needs (`optimal.direct.stage_solver`).
 """
@@ -31,9 +33,11 @@ class Stages:
 
     Attributes:
         steps: steps of each phase.
+        extras: the stage of each further unknown.
     """
 
     steps: tuple[int, ...]
+    extras: tuple[int, ...] = ()
 
     @cached_property
     def count(self) -> int:
@@ -52,6 +56,7 @@ class Stages:
         sizes[self.firsts] += 1  # the step length as a control
         sizes[0] -= 1  # the first stage has no step before it
         sizes[-1] -= 2  # the last stage has no control
+        np.add.at(sizes, self._extras, 1)
         return np.append(0, np.cumsum(sizes))
 
     @cached_property
@@ -75,6 +80,16 @@ class Stages:
     def lengths(self) -> Indices:
         """Indices of the step lengths where they are chosen, at the first step of each phase, shape (P,)."""
         return self.controls[self.firsts, 1] + 1
+
+    @cached_property
+    def further(self) -> Indices:
+        """Indices of the further unknowns, in the order of `extras`, shape (E,)."""
+        after = [self.extras[i:].count(stage) for i, stage in enumerate(self.extras)]
+        return self.begins[self._extras + 1] - np.array(after, dtype=np.int64)
+
+    @property
+    def _extras(self) -> Indices:
+        return np.array(self.extras, dtype=np.int64)
 
     @cached_property
     def departures(self) -> Indices:
@@ -110,9 +125,10 @@ class Stages:
                 equations += left.popleft()[1]
         return np.array(gaps), np.concatenate([*rest, np.zeros(0)]).astype(np.int64), equations
 
-    def pack(self, lengths: Any, states: Any, controls: Any) -> Array:
-        """Return the unknowns from lengths (P,), states (N+1, 5) and controls (N, 2)."""
+    def pack(self, lengths: Any, states: Any, controls: Any, further: Any = 0.0) -> Array:
+        """Return the unknowns from lengths (P,), states (N+1, 5), controls (N, 2) and further unknowns (E,)."""
         unknowns = np.zeros(self.begins[-1])
         unknowns[self.states], unknowns[self.controls] = states, controls
         unknowns[self.lengths], unknowns[self.arrivals] = lengths, np.repeat(lengths, self.steps)
+        unknowns[self.further] = further
         return unknowns

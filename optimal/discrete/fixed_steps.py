@@ -8,6 +8,7 @@ moved to the neighbouring step, and the program is solved again.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,11 @@ STEP_EDGE = 0.02
 PARALLEL = 1e-6
 """Sine of the angle between two hoops below which they count as parallel."""
 MAX_ROUNDS = 6
-"""Most assignments of hoops to steps that are tried."""
+"""Most solves around one assignment of hoops to steps."""
+NEIGHBOURS = (1, -1, 2, 3)
+"""Steps by which all hoops are moved, in this order, while the solver does not converge."""
+MAX_ASSIGNMENTS = 12
+"""Number of assignments of hoops to steps after which the search with a number of steps ends."""
 
 
 class StepSolution(NamedTuple):
@@ -46,13 +51,7 @@ class StepSolution(NamedTuple):
 
 
 def solve_in_steps(
-    target: Scenario,
-    flight: Trajectory,
-    winding: int,
-    count: int,
-    *,
-    crossings: tuple[int, ...] | None = None,
-    persistent: bool = True,
+    target: Scenario, flight: Trajectory, winding: int, count: int, *, neighbours: Sequence[int] = NEIGHBOURS
 ) -> StepSolution | None:
     """Return a flight of at most `count` steps near another one; None if none is found.
 
@@ -61,32 +60,18 @@ def solve_in_steps(
         flight: a flight through all hoops, of any duration.
         winding: whole turns of its tilt.
         count: K.
-        crossings: the step in which each hoop is crossed, tried first; None takes them from the flight.
-        persistent: whether to try further assignments of hoops to steps after a solve that failed.
+        neighbours: as NEIGHBOURS; fewer give up earlier.
     """
-    crossings = crossing_steps(target, flight, count) if crossings is None else crossings
-    tried: set[tuple[int, ...]] = set()
-    guess = program.first_guess(target, flight, count)
-    rims = bool(target.hoops) and target.quadrotor.radius > 0
-    margins = list(program.RIM_MARGINS) if rims else [0.0]
-    while len(crossings) == len(target.hoops) and crossings not in tried and len(tried) < MAX_ROUNDS:
-        tried.add(crossings)
-        shape = program.StepShape(count, has_height_limits(target), crossings, rims)
-        found = program.solve_program(target, shape, winding, guess, margins[0])
-        if found.m <= 1:  # The replay with float32 actions decides about values close to 1.
-            actions = np.clip(target.quadrotor.action(found.controls), -1, 1).astype(np.float32)
-            states = replay_to_goal(target, actions)
-            if states is not None:
-                return StepSolution(actions[: len(states) - 1], states, winding, math.sqrt(max(found.m, 0.0)))
-            if len(margins) > 1:  # the body touched a rim between two constrained points
-                margins.pop(0)
-                tried.discard(crossings)
-                continue
-        if not (persistent or math.isfinite(found.m)):
+    first, tried = crossing_steps(target, flight, count), set[tuple[int, ...]]()
+    if len(first) < len(target.hoops):
+        return None
+    found = _solve_around(target, flight, winding, count, first, tried)
+    for offset in neighbours if target.hoops else ():
+        if isinstance(found, StepSolution) or found < math.inf or len(tried) >= MAX_ASSIGNMENTS:
             break
-        shift = (found.shares > 1 - STEP_EDGE).astype(int) - (found.shares < STEP_EDGE)
-        crossings = separated(target, np.array(crossings) + shift, count)
-    return None
+        moved = separated(target, np.array(first) + offset, count)
+        found = _solve_around(target, flight, winding, count, moved, tried)
+    return found if isinstance(found, StepSolution) else None
 
 
 def remove_one_step(target: Scenario, best: StepSolution) -> StepSolution | None:
@@ -98,13 +83,53 @@ def remove_one_step(target: Scenario, best: StepSolution) -> StepSolution | None
     count, hoops = len(best.actions) - 1, np.arange(len(target.hoops))
     time, controls = target.dt * np.arange(count + 2.0), target.quadrotor.control(best.actions)
     flight = Trajectory(time, best.states, controls, target.quadrotor)
-    passed = np.array(crossing_steps(target, flight, count + 1))
+    passed, tried = np.array(crossing_steps(target, flight, count + 1)), set[tuple[int, ...]]()
     for segment in range(len(passed), -1, -1):
         crossings = separated(target, passed - (hoops[: len(passed)] >= segment), count)
-        found = solve_in_steps(target, flight, best.winding, count, crossings=crossings, persistent=False)
-        if found is not None:
+        found = _solve_around(target, flight, best.winding, count, crossings, tried)
+        if isinstance(found, StepSolution):
             return found
+        if len(tried) >= MAX_ASSIGNMENTS:
+            break
     return None
+
+
+def _solve_around(
+    target: Scenario,
+    flight: Trajectory,
+    winding: int,
+    count: int,
+    crossings: tuple[int, ...],
+    tried: set[tuple[int, ...]],
+) -> StepSolution | float:
+    """Return a flight that crosses the hoops in given steps or near them, else the smallest m found.
+
+    Args:
+        target, flight, winding, count: as for `solve_in_steps`.
+        crossings: the step in which each hoop is crossed.
+        tried: assignments of hoops to steps that are left out; those tried are added.
+    """
+    rims = bool(target.hoops) and target.quadrotor.radius > 0
+    margins, least = list(program.RIM_MARGINS) if rims else [0.0], math.inf
+    for _ in range(MAX_ROUNDS):
+        if crossings in tried:
+            break
+        shape = program.StepShape(count, has_height_limits(target), crossings, rims)
+        guess = program.first_guess(target, flight, shape)
+        found = program.solve_program(target, shape, winding, guess, margins[0])
+        least = min(least, found.m)
+        if found.m <= 1:  # The replay with float32 actions decides about values close to 1.
+            actions = np.clip(target.quadrotor.action(found.controls), -1, 1).astype(np.float32)
+            states = replay_to_goal(target, actions)
+            if states is not None:
+                return StepSolution(actions[: len(states) - 1], states, winding, math.sqrt(max(found.m, 0.0)))
+            if len(margins) > 1:  # the body touched a rim between two constrained points
+                margins.pop(0)
+                continue
+        tried.add(crossings)
+        shift = (found.shares > 1 - STEP_EDGE).astype(int) - (found.shares < STEP_EDGE)
+        crossings = separated(target, np.array(crossings) + shift, count)
+    return least
 
 
 def crossing_steps(target: Scenario, flight: Trajectory, count: int) -> tuple[int, ...]:

@@ -6,12 +6,12 @@ the goal, and hoops crossed anywhere inside a step:
     minimise  m
     such that |p - goal|^2 <= m position^2,  |v|^2 <= m speed^2,  (theta - 2 pi w)^2 <= m angle^2,
               X[k+1] = step(X[k], U[k], dt),  limits and heights,
-              hoop i crossed inside step j_i, within its gap, in its direction.
+              hoop i crossed at the share s_i of step j_i, 0 <= s_i <= 1, within its gap, in its direction.
 
-K steps are enough when m <= 1. One step of Newton's method from the chord gives the instant and the offset at which
-step j crosses the line of a hoop, exact to a micrometre. It depends on the unknowns of that step only. Every
-constraint therefore belongs to one stage, and `optimal.direct.stage_solver` solves this program too. m belongs to the
-last stage.
+K steps are enough when m <= 1. The shares s_i are unknowns. A flight may therefore cross a hoop and return to the other
+side in one step, and no division by a speed makes derivatives grow without limit. A crossing depends on the unknowns
+of its step only. Every constraint therefore belongs to one stage, and `optimal.direct.stage_solver` solves this program
+too. s_i belongs to stage j_i, and m to the last stage.
 """
 
 from __future__ import annotations
@@ -50,13 +50,13 @@ OPTIONS = WARM | {
     "fatrop.bound_frac": 1e-3,
     "fatrop.max_iter": 64,
 }
-"""Settings of the solver. It starts from a flight of about the same duration that stops exactly at the goal. What
-converges does so within 60 iterations. On infeasible programs Fatrop's restoration has been seen never to return; a
-low limit of iterations makes that rare."""
-HOOP_MARGIN = 1e-5
-"""Distance of a planned crossing from the ends of the gap [m]: float32 actions move the path by less."""
-SMALLEST_DIVISOR = 1e-3
-"""Speed [m/s] and length of a step [m] towards a hoop below which the instant of its passage is not resolved."""
+"""Settings of the solver. It starts from a flight of about the same duration that stops at the goal or within the
+tolerance. What converges does so within 60 iterations."""
+HOOP_MARGIN = 5e-5
+"""Distance of a planned crossing from the ends of the gap [m]. Float32 actions move the path by 3e-5 m in 8 s."""
+CROSSING_SPEED = 0.05
+"""Least speed through a hoop [m/s]. A flight that turns round at a hoop would only touch its line; at this speed it
+crosses the line by 6e-5 m or more."""
 RIM_MARGINS = (1e-3, 5e-3)
 """Distances beyond its radius that the body keeps from the rims at the constrained points [m], tried in this order:
 between points 5 cm apart a body of radius 0.1 m can dip in by 3 mm, but most flights keep a larger distance anyway."""
@@ -96,30 +96,20 @@ class StepFlight(NamedTuple):
     shares: Array
 
 
-def _inverse(value: Any) -> Any:
-    """Return 1 / value, relatively less by (SMALLEST_DIVISOR / value)^2, and 0 for 0: the guess may rest on a hoop."""
-    return value / (value**2 + SMALLEST_DIVISOR**2)
-
-
-def _inside_step(at: StageSymbols) -> Any:
-    """Return the distance along a hoop before and after the step, and offset and speed along at the crossing, (4,)."""
-    arc, gravity, hoop = at.arc, at.parameters.gravity, at.parameters.hoops[:, at.hoop]
-    before = relative_to_hoop(arc[:5], hoop)
-    after = relative_to_hoop(step_function()(arc[:5], arc[6:], arc[5], gravity), hoop)
-    chord = -arc[5] * before[0] * _inverse(after[0] - before[0])
-    near = relative_to_hoop(step_function()(arc[:5], arc[6:], chord, gravity), hoop)
-    time = chord - near[0] * _inverse(near[2])
-    there = relative_to_hoop(step_function()(arc[:5], arc[6:], time, gravity), hoop)
-    return ca.vertcat(before[0], after[0], there[1:])
+def _at_crossing(at: StageSymbols) -> Any:
+    """Return the distance along a hoop, the offset and the speed along at the crossing, shape (3,)."""
+    arc, hoop = at.arc, at.parameters.hoops[:, at.hoop]
+    time = at.x[int(at.stages.further[at.hoop])] * arc[5]
+    return relative_to_hoop(step_function()(arc[:5], arc[6:], time, at.parameters.gravity), hoop)
 
 
 def _hoop_limits(target: Scenario, hoop: int, _clearance: float) -> Array:
     gap = target.hoops[hoop].half_gap(target.quadrotor.radius) - HOOP_MARGIN
-    return np.array([[-np.inf, 0.0, -gap, 0.0], [0.0, np.inf, gap, np.inf]])
+    return np.array([[0.0, -gap, CROSSING_SPEED], [0.0, gap, np.inf]])
 
 
 def _at_goal(at: StageSymbols) -> Any:
-    return arrival_errors(at.state, at.parameters.target) - at.x[at.stages.size]
+    return arrival_errors(at.state, at.parameters.target) - at.x[int(at.stages.further[-1])]
 
 
 def _goal_limits(_target: Scenario, _hoop: int, _clearance: float) -> Array:
@@ -127,7 +117,7 @@ def _goal_limits(_target: Scenario, _hoop: int, _clearance: float) -> Array:
 
 
 KINDS = SHARED_KINDS | {
-    "crossing": ConstraintKind((False,) * 4, _inside_step, _hoop_limits),
+    "crossing": ConstraintKind((True, False, False), _at_crossing, _hoop_limits),
     "arrival": ConstraintKind((False,) * 3, _at_goal, _goal_limits),
 }
 
@@ -147,12 +137,17 @@ def constraints(shape: StepShape) -> Iterator[Placed]:
     yield shape.steps, "arrival", 0
 
 
+def stages_of(shape: StepShape) -> Stages:
+    """Return the places of the unknowns; the further ones are the share of each crossing in its step, and m."""
+    return Stages((shape.steps,), (*shape.crossings, shape.steps))
+
+
 @lru_cache(maxsize=24)  # of 5 to 8 MB each; joblib replaces workers that have grown by 300 MB, which takes seconds
 def program(shape: StepShape) -> Any:
-    """Return the parametric solver of one shape: unknowns as `Stages` places them, then m; `Parameters`."""
-    stages, placed = Stages((shape.steps,)), list(constraints(shape))
-    x, parameters = ca.SX.sym("x", stages.size + 1), Parameters.symbols(len(shape.crossings))
-    problem = {"x": x, "p": parameters.column(), "f": x[stages.size]}
+    """Return the parametric solver of one shape: unknowns as `stages_of` places them; `Parameters`."""
+    stages, placed = stages_of(shape), list(constraints(shape))
+    x, parameters = ca.SX.sym("x", stages.size), Parameters.symbols(len(shape.crossings))
+    problem = {"x": x, "p": parameters.column(), "f": x[int(stages.further[-1])]}
     return solver(stages, problem, expressions(KINDS, placed, x, stages, parameters), OPTIONS)
 
 
@@ -165,37 +160,41 @@ def bounds(target: Scenario, shape: StepShape, winding: int, clearance: float = 
         winding: whole turns of the tilt.
         clearance: distance that the body keeps from the rims beyond its radius [m].
     """
-    stages, placed, dt = Stages((shape.steps,)), list(constraints(shape)), np.array([target.dt])
+    stages, placed, dt = stages_of(shape), list(constraints(shape)), np.array([target.dt])
     low, high = state_limits(target, shape.steps + 1)
     control_low, control_high = tightened(target.quadrotor.control_low, target.quadrotor.control_high)
     _, rows, marks = stages.rows(equations(KINDS, placed))
     row_limits = np.zeros((2, len(marks)))
     row_limits[:, rows] = limits(KINDS, placed, target, clearance)
+    shares = np.ones(len(shape.crossings))
     return {
-        "lbx": np.append(stages.pack(dt, low.T, control_low), 0.0),
-        "ubx": np.append(stages.pack(dt, high.T, control_high), LARGEST_SCALE),
+        "lbx": stages.pack(dt, low.T, control_low, 0.0),
+        "ubx": stages.pack(dt, high.T, control_high, [*shares, LARGEST_SCALE]),
         "lbg": row_limits[0],
         "ubg": row_limits[1],
         "p": parameter_values(target, winding),
     }
 
 
-def first_guess(target: Scenario, flight: Flight, count: int) -> Array:
-    """Return a guess for `program`: a free-time flight sampled at `count` equal steps, with steps of dt instead."""
-    time = np.linspace(0.0, flight.duration, count + 1)
+def first_guess(target: Scenario, flight: Flight, shape: StepShape) -> Array:
+    """Return a guess for `program`: a free-time flight sampled at equal steps, with steps of dt instead."""
+    time = np.linspace(0.0, flight.duration, shape.steps + 1)
     states, thrust = resampled(flight, time)
     controls = np.stack([thrust, np.diff(states[:, 4]) / time[1]], axis=-1)
-    return np.append(Stages((count,)).pack(np.array([target.dt]), states, controls), 1.0)
+    shares = [_chord_share(target, i, states[j : j + 2, :2]) for i, j in enumerate(shape.crossings)]
+    return stages_of(shape).pack(np.array([target.dt]), states, controls, [*shares, 1.0])
+
+
+def _chord_share(target: Scenario, hoop: int, ends: Array) -> float:
+    """Return the instant, as a share of a step, at which the chord between its ends (2, 2) crosses a hoop's line."""
+    before, after = (ends - target.hoops[hoop].centre) @ target.hoops[hoop].direction
+    return float(-before / (after - before)) if before < 0 < after else 0.5
 
 
 def solve_program(target: Scenario, shape: StepShape, winding: int, guess: Array, clearance: float = 0.0) -> StepFlight:
     """Solve `program` once from a guess; see `bounds` for the arguments."""
-    run, stages = program(shape), Stages((shape.steps,))
+    run, stages = program(shape), stages_of(shape)
     result = run(x0=guess, **bounds(target, shape, winding, clearance))
     values = np.array(result["x"]).ravel()
-    controls, shares = values[stages.controls], np.zeros(len(shape.crossings))
-    for i, j in enumerate(shape.crossings):
-        ends = (values[stages.states[k]][:2] - target.hoops[i].centre for k in (j, j + 1))
-        before, after = (float(end @ target.hoops[i].direction) for end in ends)
-        shares[i] = -before / max(after - before, 1e-12)
-    return StepFlight(float(values[-1]) if run.stats()["success"] else np.inf, controls, shares)
+    *shares, m = values[stages.further]
+    return StepFlight(float(m) if run.stats()["success"] else np.inf, values[stages.controls], np.array(shares))

@@ -75,12 +75,12 @@ def replan(
     count, found = max(len(like.controls), 1), None
     for stride in strides:
         count = min(count + stride, task.max_steps)
-        found = solve_in_steps(task, like, winding, count)
+        found = solve_in_steps(task, like, winding, count, neighbours=())
         if found is not None:
             break
     best = found
     while found is not None:
         best = found
         shorter = best.tolerance_used <= MAX_TOLERANCE_USED and len(best.actions) > 1
-        found = solve_in_steps(task, like, winding, len(best.actions) - 1) if shorter else None
+        found = solve_in_steps(task, like, winding, len(best.actions) - 1, neighbours=()) if shorter else None
     return best

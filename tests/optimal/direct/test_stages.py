@@ -17,6 +17,17 @@ def test_every_unknown_has_exactly_one_place():
     np.testing.assert_array_equal(unknowns[stages.departures], np.repeat(lengths, (3, 2)))
 
 
+def test_further_unknowns_stand_at_the_end_of_their_stages():
+    stages = Stages((3, 2), (1, 4, 1, 5))
+    places = [stages.states.ravel(), stages.arrivals, stages.controls.ravel(), stages.lengths, stages.further]
+    np.testing.assert_array_equal(np.sort(np.concatenate(places)), np.arange(stages.size))
+    for stage, place in zip(stages.extras, stages.further, strict=True):
+        assert stages.controls[min(stage, 4)].max() < place < stages.begins[stage + 1]
+    further = np.array([0.1, 0.2, 0.3, 0.4])
+    unknowns = stages.pack(np.ones(2), np.ones((6, 5)), np.ones((5, 2)), further)
+    np.testing.assert_array_equal(unknowns[stages.further], further)
+
+
 def test_the_symbolic_step_equals_the_numeric_step(generator, quadrotor):
     step = step_function()
     for rate in (0.0, 1e-9, 3.0, -10.0):

@@ -1,6 +1,7 @@
 """Flights in a given number of steps: one step is removed where there is slack, and turning round takes steps."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,6 +57,13 @@ TURNING = {
     "twice": one_line(Hoop(2.5, 0, 1), Hoop(2.5, 0, 1)),
     "near": one_line(Hoop(2.5, 0, 1), Hoop(2.501, 0, 1)),
     "at the goal": one_line(Hoop(5, 0, 1)),
+    "at the start": one_line(Hoop(0, 0, 1)),
+    "back at the start": one_line(Hoop(0, 0, 1, math.pi)),
+    "behind the start": one_line(Hoop(-1, 0, 1)),
+    "facing": one_line(Hoop(2.5, 0, 1), Hoop(2.5, 0, 1, math.pi)),
+    "there and back": one_line(Hoop(2.5, 0, 1), Hoop(2.5, 0, 1, math.pi), goal=(0, 0.5)),
+    "1 mm behind": one_line(Hoop(2.5, 0, 1), Hoop(2.499, 0, 1)),
+    "ladder": replace(SCENARIOS["ladder"], start=(-0.44156129912816466, -0.16570551267770497)),
 }
 
 
@@ -64,7 +72,7 @@ def test_hoops_reached_by_turning_round_are_counted_by_certificate_and_environme
     solution, steps = solve(TURNING[name], max_gap=None), fewest_steps(TURNING[name], time_budget=0.0)
     assert solution.certificate.holds()
     assert len(replay_to_goal(TURNING[name], steps.actions)) == steps.steps + 1
-    assert steps.steps * TURNING[name].dt == pytest.approx(solution.time, rel=0.06)
+    assert steps.steps * TURNING[name].dt == pytest.approx(solution.time, rel=0.04)
 
 
 def test_a_second_hoop_that_the_first_flight_passes_costs_nothing():
