@@ -119,8 +119,8 @@ def paths(
     )
     for i, (track, world, colour) in enumerate(zip(tracks, scenarios, COLOURS, strict=False)):
         panel = {"row": i + 1, "col": 1} if wide else {"row": 1, "col": i + 1}
-        _flight(figure, track, colour, vehicles, panel)
-        _scenery(figure, world, low, high, panel)
+        add_flight(figure, track, colour, vehicles, panel)
+        add_scenery(figure, world, low, high, panel)
         x_axis = next(figure.select_yaxes(**panel)).anchor
         figure.update_yaxes(
             range=[low[1], high[1]], scaleanchor=x_axis, scaleratio=1, zeroline=False, constrain="domain", **panel
@@ -131,7 +131,7 @@ def paths(
     return layout(figure, title).update_layout(showlegend=False)
 
 
-def _flight(figure: go.Figure, track: Track, colour: str, vehicles: int, panel: dict[str, int]) -> None:
+def add_flight(figure: go.Figure, track: Track, colour: str, vehicles: int, panel: dict[str, int]) -> None:
     """Draw a path, and the vehicle with its thrust at equal time steps."""
     instants = np.linspace(0.0, track.time[-1], vehicles)
     drawn = np.stack([np.interp(instants, track.time, track.state[:, i]) for i in range(5)], axis=-1)
@@ -155,7 +155,7 @@ def _flight(figure: go.Figure, track: Track, colour: str, vehicles: int, panel: 
         )
 
 
-def _scenery(figure: go.Figure, scenario: Scenario, low: Array, high: Array, panel: dict[str, int]) -> None:
+def add_scenery(figure: go.Figure, scenario: Scenario, low: Array, high: Array, panel: dict[str, int]) -> None:
     """Draw start, goal, hoops, floor and ceiling."""
     for height, beyond in ((scenario.floor, low[1]), (scenario.ceiling, high[1])):
         if height is not None:

@@ -15,7 +15,7 @@ from agents.imitation import CloneConfig, DaggerConfig
 from agents.policies.archive import PRETRAINED
 from agents.training.configs import PPOConfig
 from experiments.files import PUBLISHED, REPOSITORY_RESULTS, ROOT, published
-from experiments.publishing import learner_figure, pictures
+from experiments.publishing import chain, learner_figure, pictures
 from experiments.publishing.defaults import defaults
 from experiments.publishing.demonstrations import demos
 from experiments.publishing.environments import environments
@@ -41,6 +41,10 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "paper": lambda: paper(published("paper.json")),
     "optima": lambda: optima(published("solvers.json")),
     "methods": lambda: methods(published("solvers.json")),
+    "chain-convergence": lambda: chain.convergence(published("solvers.json")),
+    "chain-hoops": lambda: chain.hoops(published("solvers.json")),
+    "chain-tracks": lambda: chain.tracks(published("solvers.json")),
+    "proven": chain.proven,
     "environments": lambda: environments(published("envs.json")),
     "learners": lambda: learners(published("learners.json")),
     "pretrained": lambda: pretrained(PRETRAINED),
@@ -106,3 +110,4 @@ def draw(folder: Path) -> None:
     write_text(folder / "tracks.svg", tracks())
     pictures.draw(folder, benchmark, published("paper.json"))
     learner_figure.draw(folder, published("learners.json"))
+    chain.draw(folder, published("solvers.json"))

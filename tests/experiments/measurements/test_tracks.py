@@ -74,7 +74,7 @@ def test_no_bound_is_above_a_flight_and_no_longer_time_is_excluded(rows):
 
 def test_a_shorter_time_would_be_excluded(monkeypatch):
     monkeypatch.setattr(tracks, "SLOWER", 0.98)
-    assert tracks.slower_exclusion(tracks.slalom(1), 20.0).done
+    assert tracks.bound_and_track("", tracks.slalom(1), 20.0)["slower_excluded"]
 
 
 def test_draws_of_the_table_are_counted(rows):
