@@ -22,6 +22,9 @@ from flatgym.scenarios.scenario import Scenario, Tolerance
 
 DIRECTIONS = 7200
 """Number of unit vectors d."""
+SPEED_HALVINGS = 50
+"""Halvings of the range of a speed."""
+Interval = tuple[float, float]
 
 
 def passing_windows(
@@ -46,6 +49,44 @@ def passing_windows(
     earliest = np.maximum.accumulate(before) / duration
     latest = 1 - np.maximum.accumulate(after[::-1])[::-1] / duration
     return list(zip(earliest.tolist(), latest.tolist(), strict=True))
+
+
+def greatest_speed(
+    pulls: tuple[float, float], before: Interval, after: Interval, limits: tuple[float, float, float]
+) -> float:
+    """Return a bound of the speed v along a direction at which a flight passes a place, from rest to rest [m/s].
+
+    On a line with accelerations between -a2 and a1, the least time from rest to speed v after a distance d is
+
+        v/a1 + (1/a1 + 1/a2) w,   w^2 = (v^2/a1 - 2 d) a1 a2 / (a1 + a2),   if d <= v^2/(2 a1):
+
+    the vehicle draws back first, to the speed -w. The time after the place is that of the flight reversed in time.
+
+    Args:
+        pulls: a1 and a2 [m/s^2].
+        before, after: ranges of the distances along the direction from the start, and to the goal [m].
+        limits: greatest times before the place, after it, and of the whole flight [s].
+    """
+    # A greater distance than v^2 / (2 a1) only takes longer.
+    low = max(np.sqrt(2 * pulls[0] * max(before[1], 0.0)), np.sqrt(2 * pulls[1] * max(after[1], 0.0)))
+    high = low + max(pulls) * limits[2]
+
+    def possible(speed: float) -> bool:
+        times = [_time_to_speed(speed, *pulls, before[1]), _time_to_speed(speed, *pulls[::-1], after[1])]
+        return times[0] <= limits[0] and times[1] <= limits[1] and sum(times) <= limits[2]
+
+    for _ in range(SPEED_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if possible(middle) else (low, middle)
+    ahead, back = pulls
+    # It also takes v/a1 to reach the speed and v/a2 to lose it, wherever the place is.
+    return float(min(high, ahead * limits[0], back * limits[1], limits[2] * ahead * back / (ahead + back)))
+
+
+def _time_to_speed(speed: float, ahead: float, back: float, distance: float) -> float:
+    """Return the least time from rest to a speed, after at most a distance of at most speed^2 / (2 ahead) [s]."""
+    drawn = np.sqrt(max(speed**2 / ahead - 2 * distance, 0.0) * ahead * back / (ahead + back))
+    return float(speed / ahead + (1 / ahead + 1 / back) * drawn)
 
 
 def _least_time(scenario: Scenario, way: Array, slack: float, speed: float, sign: int) -> float:

@@ -1,10 +1,10 @@
 """Branch and bound for one duration T: is every flight of duration T excluded?
 
-The search starts with one branch of all flights, with the tilt on a circle. A branch for which no excluding stages are
-found is branched into the windings, and then split by a tilt or a passing time, the hardest branch first. If no
-multipliers have F < 0, a combination of chains has the subgradient zero. The branch is split by the quantity on which
-these chains disagree most, at their mean. The branches and multipliers of an excluded duration are the start for the
-next one.
+The search starts with one branch of all flights, with the tilt on a circle. If it is not excluded, its stages still cut
+the passing times of all flights. It is then branched into the windings. A branch for which no excluding stages are
+found is split by a tilt or a passing time, the hardest branch first, and its parts keep its stages. If no multipliers
+have F < 0, a combination of chains has the subgradient zero. The branch is split by the quantity on which these chains
+disagree most, at their mean. The branches and multipliers of an excluded duration are the start for the next one.
 """
 
 from __future__ import annotations
@@ -12,18 +12,15 @@ from __future__ import annotations
 import heapq
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from typing import NamedTuple
 
-import numpy as np
-
 from flatgym.quadrotor import Array
 from optimal.proof.branches import Branch
 from optimal.proof.bundle_method import MAX_EVALUATIONS
-from optimal.proof.stages import EXPENSIVE, Exclusion, Stage
-from optimal.proof.stations import Problem
+from optimal.proof.stages import Exclusion, Stage, within
+from optimal.proof.stations import Passing, Problem
 
 CIRCLE_EVALUATIONS, RELAXED_EVALUATIONS = 12, 6
 """Most evaluations of F for the branch of all flights, and with hoops ignored that hardly matter."""
@@ -44,15 +41,33 @@ class ExcludedBranch(NamedTuple):
 
 
 class BranchBound(NamedTuple):
-    """A branch, the best multipliers found for it, and the value of F; a negative value excludes the branch.
+    """What was found for a branch.
 
-    `parts` are the branches into which it is best split otherwise.
+    Attributes:
+        candidate: the branch and the best multipliers found.
+        value: F there; a negative value excludes the branch.
+        stages: the stages found.
+        passing: what they leave of the passing times.
+        parts: the branches into which it is best split.
     """
 
     candidate: Candidate
     value: float
-    stages: tuple[Stage, ...] = ()
-    parts: tuple[Branch, ...] = ()
+    stages: tuple[Stage, ...]
+    passing: Passing
+    parts: tuple[Branch, ...]
+
+
+class Exclusions(NamedTuple):
+    """Proof that no flight takes a time.
+
+    Attributes:
+        common: stages that cut the passing times of all flights.
+        excluded: branches that cover all flights, and the stages that exclude each of them after the common ones.
+    """
+
+    common: tuple[Stage, ...]
+    excluded: tuple[ExcludedBranch, ...]
 
 
 def windings(problem: Problem) -> range:
@@ -67,61 +82,66 @@ class BranchAndBound:
     """A search for branches that cover all flights, and stages that exclude each of them.
 
     Args:
-        candidates: branches that cover all flights, with initial multipliers.
+        multipliers: initial multipliers.
         active: the hoops that matter to the fastest known flight. The others are first ignored.
         deadline: when to stop, on the clock of `time.monotonic` [s].
     """
 
-    candidates: Sequence[Candidate]
+    multipliers: Array
     active: tuple[int, ...]
     deadline: float
     evaluations: int = field(default=0, init=False)
 
-    def exclude(self, problem: Problem, turn: int) -> list[ExcludedBranch] | None:
-        """Return excluded branches that cover all flights; None if the deadline passed before.
+    def __post_init__(self) -> None:
+        self._known: dict[int, list[Candidate]] = {}
+
+    def exclude(self, problem: Problem, turn: int) -> Exclusions | None:
+        """Return branches that cover all flights, with the stages that exclude them; None if the deadline passed.
 
         Args:
             problem: the flights to exclude.
             turn: least number of angles of a turn on the last grid.
         """
+        everything = Candidate(Branch(), self.multipliers)
+        root = self._bound(problem, turn, everything, Passing.possible(problem))
+        if root.value < 0:
+            return Exclusions((), (ExcludedBranch(Branch(), root.stages),))
         excluded: list[BranchBound] = []
         queue: list[tuple[float, int, BranchBound]] = []
-        untried, number = list(self.candidates), count()
-        known = {candidate.branch.winding for candidate in untried}
-        if None not in known:  # More windings can be flown in a longer time.
-            new = [winding for winding in windings(problem) if winding not in known]
-            untried += [Candidate(Branch(winding), untried[0].multipliers) for winding in new]
-
-        def sort(bound: BranchBound) -> None:
-            if bound.value < 0:
-                excluded.append(bound)
-            else:
-                heapq.heappush(queue, (-bound.value, next(number), bound))
-
+        untried, number = list[tuple[Candidate, BranchBound]](), count()
+        common = root._replace(stages=())
+        for winding in windings(problem):
+            known = self._known.get(winding, [Candidate(Branch(winding), root.candidate.multipliers)])
+            untried += [(candidate, common) for candidate in known]
         while untried or queue:
             if time.monotonic() > self.deadline:
                 return None
             if not untried:
-                bound = heapq.heappop(queue)[2]
-                untried = [Candidate(part, bound.candidate.multipliers) for part in bound.parts]
-            sort(self._bound(problem, turn, untried.pop()))
-        self.candidates = [bound.candidate for bound in excluded]
-        return [ExcludedBranch(bound.candidate.branch, bound.stages) for bound in excluded]
+                parent = heapq.heappop(queue)[2]
+                untried = [(Candidate(part, parent.candidate.multipliers), parent) for part in parent.parts]
+            candidate, parent = untried.pop()
+            bound = self._bound(problem, turn, candidate, parent.passing, parent.stages)
+            if bound.value < 0:
+                excluded.append(bound)
+            else:
+                heapq.heappush(queue, (-bound.value, next(number), bound))
+        self._known = {}
+        for bound in excluded:
+            self._known.setdefault(bound.candidate.branch.winding or 0, []).append(bound.candidate)
+        return Exclusions(root.stages, tuple(ExcludedBranch(each.candidate.branch, each.stages) for each in excluded))
 
-    def _bound(self, problem: Problem, turn: int, candidate: Candidate) -> BranchBound:
+    def _bound(
+        self, problem: Problem, turn: int, candidate: Candidate, passing: Passing, stages: tuple[Stage, ...] = ()
+    ) -> BranchBound:
         """Search for stages that exclude a branch, from the multipliers of the candidate."""
         branch, start = candidate
-        every = tuple(Branch(winding) for winding in windings(problem)) if branch.winding is None else ()
-        if every and len(problem.hoops) > 1:  # One programme for all windings mixes them, and leaves a gap open.
-            return BranchBound(candidate, np.inf, parts=every)
-        search = Exclusion(problem, branch, start, turn, self.deadline)
-        if every:
-            search.limit = EXPENSIVE
+        search = Exclusion(problem, branch, start, turn, self.deadline, within(problem, branch, passing), stages)
+        circle = branch.winding is None
         if self.active != problem.hoops:
             search.run(self.active, RELAXED_EVALUATIONS)
         if not search.done:
             search.multipliers = start
-            search.run(problem.hoops, CIRCLE_EVALUATIONS if every else MAX_EVALUATIONS)
+            search.run(problem.hoops, CIRCLE_EVALUATIONS if circle else MAX_EVALUATIONS)
         self.evaluations += search.evaluations
-        parts = every if every or search.done else tuple(search.split())
-        return BranchBound(Candidate(branch, search.multipliers), search.value, tuple(search.stages), parts)
+        parts = () if circle or search.done else tuple(search.split())
+        return BranchBound(Candidate(branch, search.multipliers), search.value, search.stages, search.passing, parts)

@@ -47,13 +47,18 @@ are chains.
 
 Step 3 (durations). If the segment of the flight ends in cells that begin at instants a and b, its corners are
 k - k' = b - a - 1 to b - a + 1, and all durations met in step 2 are at least (b - a - 1) dt >= (k - k' - 2) dt. They
-are also at least the least duration of the flight's segment minus 2 dt, where the least duration is the least distance
-of both stations divided by the greatest speed, (A T + speed)/2. It must be 4 dt or more. Hoops that are closer are
-ignored, which is a relaxation.
+are also at least the least duration of the flight's segment minus 2 dt. It must be 4 dt or more. Hoops that are closer
+are ignored, which is a relaxation. The least duration is what pruning left, or the least distance of both stations
+divided by the greatest speed at which a flight passes there (`optimal.flights.projection_bound`).
 
-Pruning. Let U be the value of the best chain up to a passing, and V that of the best chain from there on. U is V of the
-problem reversed in time. If the mean over both programmes of max(U + V), plus what all chains share, is negative at t_k
-and at t_(k+1), no flight passes the hoop between these instants, by the same proof with the hoop's cell fixed.
+Cells. Hoops may be passed at every r-th instant only. The cells then last r dt, which replaces dt in the E_i and in
+step 3.
+
+Pruning. Let U be the value of the best chain up to a passing, W that of a segment, and V that of the best chain from
+the next passing on. U is V of the problem reversed in time. If the mean over both programmes of max(U + W + V), plus
+what all chains share, is negative at the four corners of two cells, no flight passes the two hoops within these cells,
+by the same proof with both cells fixed. The cells that are left bound the passing times of both hoops, and the time
+between them.
 
 Rounding is bounded by `optimal.proof.dual`.
 """
@@ -78,7 +83,9 @@ class Chain(NamedTuple):
         weights: lambda of each station, shape (m+2, 2).
         common: the part (0, h) of the weight at the instants, shape (N+1, 2).
         windows: first and last passing instant of each station, shape (m+2, 2).
-        rows: row of the values for a station's instant 0, whether it is in the window or not, shape (m+2,).
+        durations: least and greatest number of instants between consecutive stations, shape (m+1, 2).
+        stride: hoops are passed at multiples of this number of instants.
+        rows: row of the values at the first instant of each window, shape (m+2,).
         places: both ends of each gap, relative to the start, shape (m+2, 2, 2).
         curvature: E_i / |w_i| by segment and k - k', shape (m+1, N+1).
         goal: the segment with the tolerance at the goal.
@@ -90,6 +97,8 @@ class Chain(NamedTuple):
     weights: Array
     common: Array
     windows: Integers
+    durations: Integers
+    stride: int
     rows: Integers
     places: Array
     curvature: Array
@@ -107,7 +116,9 @@ def reverse_time(chain: Chain, tilts: Tilts, first: Array) -> tuple[Chain, Tilts
         weights=chain.weights[::-1].copy(),
         common=chain.common[::-1].copy(),
         windows=windows,
-        rows=first_rows(windows),
+        durations=chain.durations[::-1].copy(),
+        stride=chain.stride,
+        rows=first_rows(windows, chain.stride),
         places=chain.places[::-1].copy(),
         curvature=chain.curvature[::-1].copy(),
         goal=len(chain.weights) - 2 - chain.goal,
@@ -118,10 +129,23 @@ def reverse_time(chain: Chain, tilts: Tilts, first: Array) -> tuple[Chain, Tilts
     return backward, tilts._replace(low=tilts.low[::-1].copy(), high=tilts.high[::-1].copy())
 
 
-def first_rows(windows: Integers) -> Integers:
-    """Return the row of the values for instant 0 of each station, so that the windows follow one another."""
-    sizes = windows[:, 1] - windows[:, 0] + 1
-    return np.cumsum(sizes) - sizes - windows[:, 0]
+def first_rows(windows: Integers, stride: int) -> Integers:
+    """Return the row of the values at the first instant of each window, so that the windows follow one another."""
+    sizes = (windows[:, 1] - windows[:, 0]) // stride + 1
+    return np.cumsum(sizes) - sizes
+
+
+@numba.njit(cache=True, error_model="numpy")
+def row_at(chain, i, k):  # type: ignore[no-untyped-def]
+    """Return the row of the values at an instant of the window of station i."""
+    return chain.rows[i] + (k - chain.windows[i, 0]) // chain.stride
+
+
+@numba.njit(cache=True, error_model="numpy")
+def next_instants(chain, i, k0):  # type: ignore[no-untyped-def]
+    """Return the instants at which chains that pass station i at instant k0 may pass the next one."""
+    (low, high), (least, most) = chain.windows[i + 1], chain.durations[i]
+    return range(max(low, k0 + least), min(high, k0 + most) + 1, chain.stride)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -142,7 +166,7 @@ def _arrive(chain, tilts, i, k1, s_x, s_z, values, row):  # type: ignore[no-unty
         return
     one = s_x * chain.places[i, 0, 0] + s_z * chain.places[i, 0, 1]
     other = s_x * chain.places[i, 1, 0] + s_z * chain.places[i, 1, 1]
-    from_one, from_other = values[chain.rows[i] + k1, 0], values[chain.rows[i] + k1, 1]
+    from_one, from_other = values[row_at(chain, i, k1), 0], values[row_at(chain, i, k1), 1]
     for j in range(tilts.low[k1], tilts.high[k1] + 1):
         a, b = from_one[j] + one, from_other[j] + other
         row[j] = a if a > b else b
@@ -152,7 +176,7 @@ def _arrive(chain, tilts, i, k1, s_x, s_z, values, row):  # type: ignore[no-unty
 def _constants(chain, i, k0, k1, s_x, s_z):  # type: ignore[no-untyped-def]
     """Return the terms of a segment that depend neither on the tilt nor on the place in a gap."""
     w_x, w_z = chain.weights[i + 1, 0] - chain.weights[i, 0], chain.weights[i + 1, 1] - chain.weights[i, 1]
-    value = math.sqrt(w_x * w_x + w_z * w_z) * chain.curvature[i, k1 - k0]
+    value = math.sqrt(w_x * w_x + w_z * w_z) * chain.curvature[i, (k1 - k0) // chain.stride]
     if i == chain.weights.shape[0] - 2:
         value += s_x * chain.places[i + 1, 0, 0] + s_z * chain.places[i + 1, 0, 1]
     if i == chain.goal:
@@ -180,10 +204,10 @@ def best_values(begin, chain, tilts, limits, values, choices):  # type: ignore[n
     stations, dt = chain.weights.shape[0], limits.dt
     two = np.empty((2, tilts.sin.shape[0]))
     for i in range(stations - 2, -1, -1):
-        for k0 in range(chain.windows[i, 0], chain.windows[i, 1] + 1):
-            at = chain.rows[i] + k0
+        for k0 in range(chain.windows[i, 0], chain.windows[i, 1] + 1, chain.stride):
+            at = row_at(chain, i, k0)
             values[at] = -np.inf
-            for k1 in range(max(chain.windows[i + 1, 0], k0 + 1), chain.windows[i + 1, 1] + 1):
+            for k1 in next_instants(chain, i, k0):
                 s_x, s_z = _slope(chain, i, k0, k1, dt)
                 _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, two[0])
                 row = two[_sweep(chain, tilts, limits, i, begin, k0, k1, two, False)]
@@ -207,7 +231,7 @@ def best_chain(begin, chain, tilts, limits, values, choices, start):  # type: ig
     rows = np.empty((count + 1, tilts.sin.shape[0]))
     k0, end, j = 0, 0, start
     for i in range(stations - 1):
-        k1 = choices[chain.rows[i] + k0, end, j]
+        k1 = choices[row_at(chain, i, k0), end, j]
         s_x, s_z = _slope(chain, i, k0, k1, dt)
         _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, rows[k1 - k0])
         _sweep(chain, tilts, limits, i, begin, k0, k1, rows, True)
@@ -218,7 +242,7 @@ def best_chain(begin, chain, tilts, limits, values, choices, start):  # type: ig
             j = follow(k0, k1, tilts, rows, path, j)
         end = 0
         if i < stations - 2:
-            place, value = chain.places[i + 1], values[chain.rows[i + 1] + k1]
+            place, value = chain.places[i + 1], values[row_at(chain, i + 1, k1)]
             gain = s_x * (place[1, 0] - place[0, 0]) + s_z * (place[1, 1] - place[0, 1])
             end = 1 if value[1, j] + gain > value[0, j] else 0
         passing[i + 1], ends[i + 1] = k1, end
@@ -228,20 +252,33 @@ def best_chain(begin, chain, tilts, limits, values, choices, start):  # type: ig
 
 
 @numba.njit(cache=True, error_model="numpy", nogil=True)
-def best_through(chain, tilts, values, backward, past):  # type: ignore[no-untyped-def]
-    """Return the value of the best chain through each instant of each window, by row of `values`.
+def best_through(begin, chain, tilts, limits, first, values, backward, past):  # type: ignore[no-untyped-def]
+    """Return the value of the best chain through each pair of instants of consecutive stations, shape (m+1, n, n).
 
-    `past` has the values of the problem `backward`, which is reversed in time.
+    The last two indices count the instants of each window in strides. `first` is the penalty of the first tilt by
+    position, and `past` has the values of the problem `backward`, which is reversed in time.
     """
-    stations, count = chain.weights.shape[0], chain.common.shape[0] - 1
-    best = np.full(values.shape[0], -np.inf)
-    for i in range(1, stations - 1):
-        for k in range(chain.windows[i, 0], chain.windows[i, 1] + 1):
-            ahead = values[chain.rows[i] + k]
-            before = past[backward.rows[stations - 1 - i] + count - k]
-            for end in range(2):
-                for j in range(tilts.low[k], tilts.high[k] + 1):
-                    i_past = j if tilts.hold.parts > 0 else best_neighbour(before[end], j, k - 1, tilts)
-                    total = ahead[end, j] + before[end, i_past]
-                    best[chain.rows[i] + k] = max(best[chain.rows[i] + k], total)
+    stations, count, dt = chain.weights.shape[0], chain.common.shape[0] - 1, limits.dt
+    size = ((chain.windows[:, 1] - chain.windows[:, 0]) // chain.stride).max() + 1
+    best, two = np.full((stations - 1, size, size), -np.inf), np.empty((2, tilts.sin.shape[0]))
+    for i in range(stations - 1):
+        for k0 in range(chain.windows[i, 0], chain.windows[i, 1] + 1, chain.stride):
+            for k1 in next_instants(chain, i, k0):
+                s_x, s_z = _slope(chain, i, k0, k1, dt)
+                _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, two[0])
+                row = two[_sweep(chain, tilts, limits, i, begin, k0, k1, two, False)]
+                constant, found = _constants(chain, i, k0, k1, s_x, s_z), -np.inf
+                for end in range(2 if i > 0 else 1):
+                    place = chain.places[i, end]
+                    rest = constant - s_x * place[0] - s_z * place[1]
+                    for j in range(tilts.low[k0], tilts.high[k0] + 1):
+                        if i == 0:
+                            total = row[j] + rest - first[j]
+                        else:
+                            before = past[row_at(backward, stations - 1 - i, count - k0), end]
+                            at = j if tilts.hold.parts > 0 else best_neighbour(before, j, k0 - 1, tilts)
+                            total = row[j] + rest + before[at]
+                        found = max(found, total)
+                at_0, at_1 = (k0 - chain.windows[i, 0]) // chain.stride, (k1 - chain.windows[i + 1, 0]) // chain.stride
+                best[i, at_0, at_1] = found
     return best

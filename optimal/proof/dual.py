@@ -23,7 +23,7 @@ from flatgym.quadrotor import Array
 from optimal.proof.branches import Branch
 from optimal.proof.chain import Chain, best_chain, best_through, best_values, first_rows, reverse_time
 from optimal.proof.rounding import LEAST_LENGTH, UNIT_ROUNDOFF
-from optimal.proof.stations import STEPS_APART, Interval, Problem, Stations, to_instants, to_times
+from optimal.proof.stations import STEPS_APART, Passing, Problem, Stations, least_times, to_instants, to_times
 from optimal.proof.tilt_program import Grid, Integers, gradient, limits, tilts
 from optimal.proof.time_grid import HoldGrid
 from optimal.proof.zero_order_hold import hold_gradient
@@ -34,6 +34,8 @@ ROUNDING_UNITS = 256
 """Rounding error of all terms but the sum over the samples, in units in the last place of their magnitudes."""
 
 
+NOTHING = Passing((), ())
+"""What is known of the passing times of no hoops."""
 ResultT = TypeVar("ResultT")
 
 
@@ -70,7 +72,7 @@ class Dual:
         grid: instants and angles of the dynamic programme; at least as long as the flights.
         branch: the class of flights.
         hoops: the hoops of the chain, ascending. The others are ignored.
-        windows: windows of the passing times of these hoops [s].
+        passing: what is known of the passing times of these hoops.
     """
 
     def __init__(
@@ -79,15 +81,18 @@ class Dual:
         grid: Grid,
         branch: Branch,
         hoops: Sequence[int] = (),
-        windows: Sequence[Interval] = (),
+        passing: Passing = NOTHING,
     ) -> None:
         self.problem, self.grid, self.hoops = problem, grid, tuple(hoops)
         scenario, steps = problem.scenario, grid.steps
         self._limits = limits(scenario.quadrotor, grid)
         self._tilts = tilts(grid, branch.winding, problem.slack, branch.held, problem.duration)
         self._stations = Stations(problem, hoops)
-        self._least = self._stations.least_times(problem, grid)
-        self._windows = np.vstack([[[0, 0]], to_instants(windows, problem, grid), [[steps, steps]]])
+        self._least = least_times(problem, hoops, passing)
+        windows, durations = to_instants(passing, problem, grid)
+        self._windows = np.vstack([[[0, 0]], windows, [[steps, steps]]])
+        every = [[grid.stride, steps]]
+        self._durations = np.vstack([every, durations, every]) if len(hoops) else np.array(every)
         self._programmes = (0,) if isinstance(grid, HoldGrid) else (0, 1)
         stages = steps // grid.parts if isinstance(grid, HoldGrid) else steps
         at = np.rint(np.array(problem.kinks) * stages) / stages
@@ -107,13 +112,14 @@ class Dual:
     @property
     def apart(self) -> bool:
         """Whether the stations are far enough apart for the theorem of the chain on this grid."""
-        return len(self.hoops) == 0 or bool((self._least >= STEPS_APART * self.grid.dt).all())
+        return len(self.hoops) == 0 or bool((self._least >= STEPS_APART * self.grid.cell).all())
 
     @property
     def possible(self) -> bool:
         """Whether the branch can contain a flight: turns take time, and hoops are passed in order."""
         low, high = self._windows.T
-        return self._tilts.possible and bool((low <= high).all() and (np.maximum.accumulate(low)[:-1] < high[1:]).all())
+        ordered = (low <= high).all() and (np.maximum.accumulate(low)[:-1] < high[1:]).all()
+        return self._tilts.possible and bool(ordered and (self._durations[:, 0] <= self._durations[:, 1]).all())
 
     def evaluate(self, y: Array) -> Evaluation:
         """Return F without its slope; the last evaluation is remembered."""
@@ -121,7 +127,8 @@ class Dual:
             return self._last[1]
         chain, first = self._chain(y)
         if not self._values:
-            shape = (int((chain.windows[:, 1] - chain.windows[:, 0] + 1).sum()), 2, len(self._tilts.sin))
+            counts = (chain.windows[:, 1] - chain.windows[:, 0]) // chain.stride + 1
+            shape = (int(counts.sum()), 2, len(self._tilts.sin))
             self._values = [np.empty(shape) for _ in self._programmes]
             self._choices = [np.empty(shape, np.int32) for _ in self._programmes]
         value = shared = self._shared(y, chain)
@@ -145,8 +152,8 @@ class Dual:
             chains = [self._add_slope(slope, begin, chain, first) for begin in self._programmes]
         return Cut(found.value, found.rounding, slope, np.mean(chains, axis=0))
 
-    def prune(self, y: Array) -> list[Interval] | None:
-        """Return the windows without the time steps in which no flight passes [s]; None if no flight is left."""
+    def prune(self, y: Array) -> Passing | None:
+        """Return what is known of the passing times of all flights; None if no flight is left."""
         found = self.evaluate(y)
         if found.value + found.rounding < 0:
             return None
@@ -154,19 +161,23 @@ class Dual:
         backward, backward_tilts = reverse_time(chain, self._tilts, first)
 
         def run(begin: int) -> Array:
-            past = np.empty_like(self._values[begin])
+            past, values = np.empty_like(self._values[begin]), self._values[begin]
             best_values(1 - begin, backward, backward_tilts, self._limits, past, self._choices[begin])
-            return np.asarray(best_through(chain, self._tilts, self._values[begin], backward, past))
+            return np.asarray(best_through(begin, chain, self._tilts, self._limits, first, values, backward, past))
 
         total = found.shared + found.rounding + np.mean(self._in_threads(run), axis=0)
-        left = []
-        for row, (low, high) in zip(chain.rows[1:-1], chain.windows[1:-1], strict=True):
-            open_ends = total[row + low : row + high + 1] >= 0
-            cells = np.flatnonzero(open_ends[:-1] | open_ends[1:] if high > low else open_ends)
-            if not len(cells):
+        stride, windows, durations = self.grid.stride, self._windows.copy(), self._durations.copy()
+        for i, segment in enumerate(total):
+            left, right = np.nonzero(segment >= 0)
+            if not len(left):
                 return None
-            left.append([low + cells[0], min(low + cells[-1] + 1, high)])
-        return to_times(np.array(left), self.problem, self.grid)
+            for station, at in ((i, left), (i + 1, right)):
+                # A flight passes within a cell only if chains at one of its ends are left.
+                low, high = self._windows[station, 0] + stride * np.array([at.min() - 1, at.max() + 1])
+                windows[station] = max(windows[station, 0], low), min(windows[station, 1], high)
+            apart = self._windows[i + 1, 0] - self._windows[i, 0] + stride * (right - left)
+            durations[i] = apart.min(), apart.max()
+        return to_times(windows[1:-1], durations[1:-1], self.problem, self.grid)
 
     def _in_threads(self, run: Callable[[int], ResultT]) -> list[ResultT]:
         """Return the results of a function for each programme; the kernels of both run at the same time."""
@@ -174,16 +185,16 @@ class Dual:
         return [run(self._programmes[0]), *(future.result() for future in later)]
 
     def _curvatures(self) -> Array:
-        """Return E_i / |w_i| by segment and difference of instants, shape (m+1, N+1)."""
-        dt, last = self.grid.dt, len(self._least) - 1
+        """Return E_i / |w_i| by segment and difference of instants in cells, shape (m+1, N/stride + 1)."""
+        cell, cells, last = self.grid.cell, self.grid.steps // self.grid.stride, len(self._least) - 1
         acceleration = self._limits.thrust_max + self._limits.gravity
-        found = np.zeros((last + 1, self.grid.steps + 1))
+        found = np.zeros((last + 1, cells + 1))
         for i in range(last + 1) if last else ():
-            least = max(self._least[i] - 2 * dt, LEAST_LENGTH)
-            shortest = np.maximum((np.arange(self.grid.steps + 1) - 2) * dt, least)
+            least = max(self._least[i] - 2 * cell, LEAST_LENGTH)
+            shortest = np.maximum((np.arange(cells + 1) - 2) * cell, least)
             with np.errstate(over="ignore", divide="ignore"):
                 terms = acceleration / shortest + self._stations.far[i] / shortest**3
-            found[i] = ((i > 0) + (i < last)) * terms * dt**2 / 4
+            found[i] = ((i > 0) + (i < last)) * terms * cell**2 / 4
         return found
 
     def _chain(self, y: Array) -> tuple[Chain, Array]:
@@ -197,7 +208,9 @@ class Dual:
             weights=y[: self.vectors].reshape(-1, 2).copy(),
             common=common,
             windows=self._windows,
-            rows=first_rows(self._windows),
+            durations=self._durations,
+            stride=self.grid.stride,
+            rows=first_rows(self._windows, self.grid.stride),
             places=self._stations.places,
             curvature=self._curvature,
             goal=len(self.hoops),
@@ -258,7 +271,7 @@ class Dual:
             duration = (passing[i + 1] - passing[i]) * limit.dt
             jump = chain.weights[i + 1] - chain.weights[i]
             way = (chain.places[i + 1, ends[i + 1]] - chain.places[i, ends[i]]) / duration
-            way += chain.curvature[i, passing[i + 1] - passing[i]] * _unit(jump)
+            way += chain.curvature[i, (passing[i + 1] - passing[i]) // chain.stride] * _unit(jump)
             if i == chain.goal:
                 disc = chain.position * _unit(jump / duration + [0.0, chain.tail])
                 way += disc / duration
@@ -289,7 +302,7 @@ class Dual:
         size += self.problem.speed * (float(weights[-1]) + kappa)
         tables, penalty = self._tilts, self._scale * np.abs(y[-2:]).sum()
         size += penalty * (self.grid.angle * (tables.first.max() + tables.last.max() + 2) + self.problem.slack)
-        least = np.maximum((self._windows[1:, 0] - self._windows[:-1, 1]) * dt, dt)
+        least = np.maximum(self._windows[1:, 0] - self._windows[:-1, 1], self._durations[:, 0]) * dt
         reach = stations.size[:-1] + stations.size[1:] + self.problem.position
         jumps = weights[1:] + weights[:-1]
         size += float((jumps * (reach / least + self._curvature.max(axis=1))).sum())

@@ -33,6 +33,7 @@ def encode(fields: dict[str, Any]) -> str:
     plain["tolerance"] = None if fields["tolerance"] is None else asdict(fields["tolerance"])
     plain["verdict"] = fields["verdict"].name
     plain["kinks"] = _hexadecimal(fields["kinks"])
+    plain["common"] = [_plain_stage(stage) for stage in fields["common"]]
     plain["excluded"] = [_plain_branch(*each) for each in fields["excluded"]]
     for name in NUMBERS:
         plain[name] = float(fields[name]).hex()
@@ -53,6 +54,7 @@ def decode(text: str) -> dict[str, Any]:
         fields["scenario"] = Scenario.from_dict(fields["scenario"])
         fields["tolerance"] = None if fields["tolerance"] is None else Tolerance(**fields["tolerance"])
         fields["kinks"] = _numbers(fields["kinks"])
+        fields["common"] = tuple(_stage(each) for each in fields["common"])
         fields["excluded"] = tuple(_branch(each) for each in fields["excluded"])
         for name in NUMBERS:
             fields[name] = float.fromhex(fields[name])
@@ -81,26 +83,22 @@ def _plain_branch(branch: Branch, stages: tuple[Stage, ...]) -> dict[str, Any]:
         "winding": branch.winding,
         "held": [_hexadecimal(held) for held in branch.held],
         "passing": [[int(hoop), *_hexadecimal(interval)] for hoop, *interval in branch.passing],
-        "stages": [
-            {
-                "grid": _plain_grid(grid),
-                "hoops": [int(hoop) for hoop in hoops],
-                "multipliers": _hexadecimal(multipliers),
-            }
-            for grid, hoops, multipliers in stages
-        ],
+        "stages": [_plain_stage(stage) for stage in stages],
     }
 
 
+def _plain_stage(stage: Stage) -> dict[str, Any]:
+    hoops, multipliers = [int(hoop) for hoop in stage.hoops], _hexadecimal(stage.multipliers)
+    return {"grid": _plain_grid(stage.grid), "hoops": hoops, "multipliers": multipliers}
+
+
+def _stage(plain: dict[str, Any]) -> Stage:
+    hoops = tuple(int(hoop) for hoop in plain["hoops"])
+    return Stage(_grid(plain["grid"]), hoops, np.array(_numbers(plain["multipliers"])))
+
+
 def _branch(plain: dict[str, Any]) -> ExcludedBranch:
-    stages = tuple(
-        Stage(
-            _grid(stage["grid"]),
-            tuple(int(hoop) for hoop in stage["hoops"]),
-            np.array(_numbers(stage["multipliers"])),
-        )
-        for stage in plain["stages"]
-    )
+    stages = tuple(_stage(each) for each in plain["stages"])
     held = tuple(TiltInterval(*_numbers(each)) for each in plain["held"])
     passing = tuple(PassingInterval(int(hoop), *_numbers(interval)) for hoop, *interval in plain["passing"])
     winding = None if plain["winding"] is None else int(plain["winding"])
@@ -114,6 +112,7 @@ def _plain_grid(grid: Grid) -> dict[str, Any]:
 
 def _grid(plain: dict[str, Any]) -> Grid:
     values: dict[str, Any] = {
-        name: float.fromhex(value) if isinstance(value, str) else int(value) for name, value in plain.items()
+        name: float.fromhex(value) if isinstance(value, str) else None if value is None else int(value)
+        for name, value in plain.items()
     }
     return HoldGrid(**values) if "parts" in values else TimeGrid(**values)

@@ -22,12 +22,12 @@ from optimal.direct.multistart import search
 from optimal.direct.shooting import ShootingSolution
 from optimal.flights.projection_bound import projection_bound
 from optimal.proof import files
-from optimal.proof.branch_and_bound import BranchAndBound, Candidate, ExcludedBranch, windings
+from optimal.proof.branch_and_bound import BranchAndBound, ExcludedBranch, windings
 from optimal.proof.branches import Branch, covered
 from optimal.proof.initial_multipliers import active_hoops, kink_shares, multipliers
-from optimal.proof.stages import compile_kernels, excluded
-from optimal.proof.stations import Problem
-from optimal.proof.time_grid import angles_for, time_grid
+from optimal.proof.stages import Stage, compile_kernels, passing_left
+from optimal.proof.stations import Passing, Problem
+from optimal.proof.time_grid import angles_for
 
 MAX_GAP, TIME_BUDGET = 1e-3, 60.0
 """Requested relative gap between the bound and the fastest known flight, and wall time allowed for it [s]."""
@@ -61,8 +61,9 @@ class Proof:
         flown: the time of the fastest known flight [s]; inf if none is known.
         verdict: how the proof ended, a sentence.
         reason: why no flight is known or none exists; else empty.
-        excluded: branches that cover all flights, and the stages that exclude them; none if `time` is the projection
-            bound.
+        common: stages that cut the passing times of all flights.
+        excluded: branches that cover all flights, and the stages that exclude them after the common ones; none if
+            `time` is the projection bound.
         kinks: times at which the slope of q may jump at floor and ceiling, as shares of T.
         steps: number of environment steps in `time`, if the proof uses that controls are held over steps; else 0.
         evaluations: number of evaluations of F.
@@ -75,6 +76,7 @@ class Proof:
     flown: float
     verdict: Verdict
     reason: str = ""
+    common: tuple[Stage, ...] = ()
     excluded: tuple[ExcludedBranch, ...] = ()
     kinks: tuple[float, ...] = ()
     steps: int = 0
@@ -101,7 +103,11 @@ class Proof:
         problem = Problem(self.scenario, self.tolerance, self.time, self.kinks, self.steps)
         if not covered((branch for branch, _ in self.excluded), windings(problem)):
             return False
-        return all(excluded(problem, *each) for each in self.excluded)
+        try:
+            passing = passing_left(problem, Branch(), self.common, Passing.possible(problem))
+            return passing is None or all(passing_left(problem, *each, passing) is None for each in self.excluded)
+        except ValueError:
+            return False
 
     def save(self, path: str | Path) -> Path:
         """Write the proof as JSON with exact numbers, and return the path of its file."""
@@ -203,16 +209,11 @@ def raise_bound(
     """
     compile_kernels()
     begun = time.monotonic()
-    kinks, rate = kink_shares(target, shot), target.quadrotor.rate_max
-    root = Candidate(Branch(), multipliers(target, shot, kinks))
-    search_tree = BranchAndBound([root], active_hoops(shot), begun + budget)
+    kinks = kink_shares(target, shot)
+    search_tree = BranchAndBound(multipliers(target, shot, kinks), active_hoops(shot), begun + budget)
     simple, flown = projection_bound(target, tolerance), shot.trajectory.duration if flown is None else flown
     proof = Proof(target, tolerance, simple, flown, Verdict.CLOSED, kinks=kinks)
-    # The last grid sets the duration, so that no time is left between both.
-    problems = []
-    for duration, gap in durations:
-        turn = angles_for(gap)
-        problems.append((Problem(target, tolerance, time_grid(duration, rate, turn=turn).time, kinks), turn))
+    problems = [(Problem(target, tolerance, time, kinks), angles_for(gap)) for time, gap in durations]
     if steps:
         problems.append((Problem(target, tolerance, steps * target.dt, kinks, steps), angles_for(HOLD_GAP)))
     for problem, turn in problems:
@@ -221,7 +222,7 @@ def raise_bound(
             proof = replace(proof, verdict=Verdict.BUDGET_SPENT)
             break
         if problem.duration > proof.time:
-            proof = replace(proof, time=problem.duration, steps=problem.steps, excluded=tuple(found))
+            proof = replace(proof, time=problem.duration, steps=problem.steps, **found._asdict())
     return replace(proof, evaluations=search_tree.evaluations, wall_time=time.monotonic() - begun)
 
 

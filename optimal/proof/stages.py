@@ -8,9 +8,9 @@ only.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ from flatgym.scenarios.scenario import Hoop, Scenario
 from optimal.proof.branches import Branch
 from optimal.proof.bundle_method import MAX_EVALUATIONS, Separation, separate
 from optimal.proof.dual import TILT_SHARES, Dual
-from optimal.proof.stations import Problem, Windows, hoops_apart, possible_windows
+from optimal.proof.stations import STEPS_APART, Passing, Problem, hoops_apart, least_times
 from optimal.proof.tilt_program import Grid
 from optimal.proof.time_grid import HoldGrid, TimeGrid, hold_grid, time_grid
 
@@ -30,15 +30,19 @@ WIDE_EVALUATIONS, CUT_EVALUATIONS = 4, 16
 half their length, and otherwise."""
 SHRINKAGE = 0.7
 """The windows are cut again with the same multipliers while their total length falls below this share."""
-LEAST_ANGLES = 40
+LEAST_ANGLES = 36
 """Fewest angles of a turn of a coarse grid."""
 STALL = 0.7
 """A branch is split if F on a finer grid is more than this share of that on the grid before."""
 HOLD_GRIDS = ((15, 2), (29, 4), (58, 8))
 """For held controls: least angles by which a step turns the vehicle, and instants in a step, from coarse to fine."""
-CHEAP, MODERATE, EXPENSIVE = 3e6, 1e8, 6e9
-"""Costs of one evaluation in samples times tilts: at which no coarser grid is tried before, from which on few
-evaluations are made while the windows are wide, and at which all flights are branched into windings instead."""
+STRIDES = (2, 1)
+"""Most time steps in a cell of a chain through several hoops: on coarse grids, and on the last one."""
+CHEAP, MODERATE = 1e7, 1e8
+"""Costs of one evaluation in samples times tilts: at which no coarser grid is tried before, and from which on few
+evaluations are made while the windows are wide."""
+PACE = 3e-10
+"""Time of an evaluation divided by its cost, until one was timed [s]."""
 
 
 class Stage(NamedTuple):
@@ -55,31 +59,40 @@ class Stage(NamedTuple):
     multipliers: Array
 
 
-def excluded(problem: Problem, branch: Branch, stages: Sequence[Stage]) -> bool:
-    """Return whether stages exclude all flights of a branch. Everything is recomputed from the problem."""
-    windows = _branch_windows(problem, branch)
+def passing_left(problem: Problem, branch: Branch, stages: Sequence[Stage], passing: Passing) -> Passing | None:
+    """Return what stages leave of the passing times of the flights of a branch; None if they leave no flight.
+
+    Everything is recomputed from the problem.
+
+    Args:
+        problem: the flights.
+        branch: the class of flights.
+        stages: the stages, in their order.
+        passing: what is known of the passing times of all flights.
+
+    Raises:
+        ValueError: for a stage that does not belong to the problem.
+    """
+    passing = within(problem, branch, passing)
     for stage in stages:
         if not _admissible(problem, stage):
-            return False
-        dual = Dual(problem, stage.grid, branch, stage.hoops, [windows[i] for i in stage.hoops])
+            raise ValueError(f"not a stage of this problem: {stage.grid}, hoops {stage.hoops}")
+        dual = Dual(problem, stage.grid, branch, stage.hoops, passing.of(stage.hoops))
         y = stage.multipliers
         if not dual.apart or y.shape != (dual.size,) or not np.isfinite(y).all() or (y[dual.signed] < 0).any():
-            return False
-        if not dual.possible:
-            return True
-        left = dual.prune(y)
+            raise ValueError(f"not the multipliers of a stage of this problem: {y}")
+        left = dual.prune(y) if dual.possible else None
         if left is None:
-            return True
-        windows = _cut(windows, stage.hoops, left)
-    return False
+            return None
+        passing = passing.cut(stage.hoops, left)
+    return passing
 
 
-def _branch_windows(problem: Problem, branch: Branch) -> Windows:
-    """Return windows that contain the passing times of all flights of a branch [s]."""
-    found, duration = list(possible_windows(problem)), problem.duration
+def within(problem: Problem, branch: Branch, passing: Passing) -> Passing:
+    """Return what is known of the passing times of the flights of a branch."""
     for hoop, low, high in branch.passing:
-        found[hoop] = (max(found[hoop][0], low * duration), min(found[hoop][1], high * duration))
-    return tuple(found)
+        passing = passing.cut((hoop,), Passing(((low * problem.duration, high * problem.duration),), ()))
+    return passing
 
 
 def _admissible(problem: Problem, stage: Stage) -> bool:
@@ -89,16 +102,8 @@ def _admissible(problem: Problem, stage: Stage) -> bool:
     if isinstance(grid, HoldGrid):
         steps = grid.parts >= 1 and 0 < problem.steps * grid.parts == grid.steps and grid.step == problem.scenario.dt
     else:
-        steps = grid.time >= problem.duration
+        steps = grid.time >= problem.duration and grid.valid and grid.stride >= 1 and grid.steps % grid.stride == 0
     return ascending and grid.rate_max == problem.scenario.quadrotor.rate_max and steps
-
-
-def _cut(windows: Windows, hoops: Sequence[int], left: Sequence[tuple[float, float]]) -> Windows:
-    """Return the intersections of the windows of all hoops with what is left of some."""
-    found = list(windows)
-    for hoop, (low, high) in zip(hoops, left, strict=True):
-        found[hoop] = (max(found[hoop][0], low), min(found[hoop][1], high))
-    return tuple(found)
 
 
 @dataclass
@@ -106,7 +111,7 @@ class Exclusion:
     """A search for stages that exclude a branch.
 
     Attributes after `run`:
-        stages: the stages found; they exclude the branch if `done`.
+        stages, passing: with the stages found, and what they leave; they exclude the branch if `done`.
         multipliers: the last multipliers for all hoops.
         value: the last value of F; negative if `done`.
         evaluations: number of evaluations of F.
@@ -117,7 +122,8 @@ class Exclusion:
         multipliers: initial multipliers for all hoops.
         turn: least number of angles of a turn on the last grid.
         deadline: when to stop, on the clock of `time.monotonic` [s].
-        limit: greatest cost of one evaluation, in samples times tilts.
+        passing: what is known of the passing times of the flights of the branch.
+        stages: stages that hold for the branch and led to this knowledge; the search adds to them.
     """
 
     problem: Problem
@@ -125,8 +131,8 @@ class Exclusion:
     multipliers: Array
     turn: int
     deadline: float
-    limit: float = np.inf
-    stages: list[Stage] = field(default_factory=list)
+    passing: Passing
+    stages: tuple[Stage, ...] = ()
     value: float = np.inf
     evaluations: int = 0
 
@@ -137,21 +143,21 @@ class Exclusion:
 
     def run(self, hoops: Sequence[int], max_evaluations: int = MAX_EVALUATIONS) -> Exclusion:
         """Search with a chain through some hoops, on grids from coarse to fine."""
-        self.windows: Windows = _branch_windows(self.problem, self.branch)
         self._widest = self._length(hoops)
-        self.stages, self.value, self._starts, self._pace = [], np.inf, [self.multipliers], 0.0
-        grids = self._grids(hoops)
+        self.value, self._starts, self._pace = np.inf, [self.multipliers], PACE
         self._separation: Separation | None = None
         stalled, before = {TimeGrid: 0, HoldGrid: 0}, np.inf
-        for grid in grids:
+        kinds = self._grids(hoops)
+        for make in kinds:
+            grid = make()
             # Finer grids do not help where the chains of a grid disagree; a split does.
             kind = type(grid)
             if stalled[kind] >= (1 if self.problem.steps and kind is TimeGrid else 2):
                 continue
             late = time.monotonic() + self._pace * self._cost(grid, hoops) > self.deadline
-            if late or self._cost(grid, hoops) > self.limit:
+            if late:
                 break
-            if self._stage(grid, hoops, max_evaluations, grid is grids[-1]):
+            if self._stage(grid, hoops, max_evaluations, make is kinds[-1]):
                 break
             impossible = self._separation is not None and self._separation.impossible
             stalled[kind] += impossible + 2 * (self.value > STALL * before)
@@ -177,24 +183,36 @@ class Exclusion:
                 break
         return parts
 
-    def _grids(self, hoops: Sequence[int]) -> list[Grid]:
-        """Return the grids from coarse to fine; held controls take grids of their own after those that cut windows."""
+    def _grids(self, hoops: Sequence[int]) -> list[Callable[[], Grid]]:
+        """Return the grids from coarse to fine, each made when what is known of the passing times can set its cells.
+
+        Held controls take grids of their own after those that cut windows.
+        """
         problem, vehicle = self.problem, self.problem.scenario.quadrotor
-        grids: list[Grid] = [time_grid(problem.duration, vehicle.rate_max, turn=self.turn)]
-        while hoops and self._cost(grids[0], hoops) > CHEAP and grids[0].turn >= 2 * LEAST_ANGLES:
-            coarser = time_grid(problem.duration, vehicle.rate_max, turn=grids[0].turn * 2 // 3)
-            if coarser.turn >= grids[0].turn:
-                break
-            grids.insert(0, coarser)
+        turns = [self.turn]
+        while (
+            hoops and turns[0] * 2 // 3 >= LEAST_ANGLES and self._cost(self._time_grid(turns[0], hoops), hoops) > CHEAP
+        ):
+            turns.insert(0, turns[0] * 2 // 3)
+        makers: list[Callable[[], Grid]] = [partial(self._time_grid, turn, hoops) for turn in turns]
         if problem.steps and self.branch.winding is not None and len(hoops) == len(problem.hoops):
             for reach, parts in HOLD_GRIDS:
-                parts = parts if hoops else 1
-                grids.append(hold_grid(problem.steps, problem.scenario.dt, vehicle.rate_max, reach=reach, parts=parts))
-        return grids
+                size = {"reach": reach, "parts": parts if hoops else 1}
+                makers.append(partial(hold_grid, problem.steps, problem.scenario.dt, vehicle.rate_max, **size))
+        return makers
+
+    def _time_grid(self, turn: int, hoops: Sequence[int]) -> TimeGrid:
+        """Return a grid whose cells are as large as the distances of the hoops and the errors permit."""
+        rate, cell = self.problem.scenario.quadrotor.rate_max, 0.0
+        if len(hoops) > 1:
+            step = 2 * np.pi / turn / rate
+            least = least_times(self.problem, hoops, self.passing.of(hoops)).min()
+            cell = np.clip(np.floor(least / STEPS_APART / step), 1, STRIDES[turn == self.turn]) * step
+        return time_grid(self.problem.duration, rate, turn=turn, cell=float(cell))
 
     def _stage(self, grid: Grid, hoops: Sequence[int], max_evaluations: int, last: bool) -> bool:
         """Cut the windows on one grid, and search for multipliers that exclude the branch there."""
-        hoops = hoops_apart(self.problem, grid, hoops) if hoops else ()
+        hoops = hoops_apart(self.problem, grid, hoops, self.passing) if hoops else ()
         dual = self._dual(grid, hoops)
         starts = [self._select(hoops, start) for start in self._starts]
         if not dual.possible:
@@ -229,30 +247,32 @@ class Exclusion:
             if left is None:
                 return self._add(grid, hoops, y, -np.inf)
             before = self._length(hoops)
-            windows = _cut(self.windows, hoops, left)
-            if windows == self.windows:
+            passing = self.passing.cut(hoops, left)
+            if passing == self.passing:
                 return False
-            self.windows = windows
-            self.stages.append(Stage(grid, hoops, y))
+            self.passing = passing
+            self.stages = (*self.stages, Stage(grid, hoops, y))
             if self._length(hoops) > SHRINKAGE * before or time.monotonic() > self.deadline:
                 return False
             dual = self._dual(grid, hoops)
 
     def _add(self, grid: Grid, hoops: tuple[int, ...], y: Array, value: float) -> bool:
-        self.stages.append(Stage(grid, hoops, y))
+        self.stages = (*self.stages, Stage(grid, hoops, y))
         self.value = value
         return True
 
     def _dual(self, grid: Grid, hoops: tuple[int, ...]) -> Dual:
-        return Dual(self.problem, grid, self.branch, hoops, [self.windows[i] for i in hoops])
+        return Dual(self.problem, grid, self.branch, hoops, self.passing.of(hoops))
 
     def _length(self, hoops: Sequence[int]) -> float:
-        return sum(self.windows[i][1] - self.windows[i][0] for i in hoops)
+        return sum(high - low for low, high in self.passing.of(hoops).windows)
 
     def _cost(self, grid: Grid, hoops: Sequence[int]) -> float:
         """Return the cost of one evaluation, in samples times tilts."""
-        counts = [1.0, *(1 + (self.windows[i][1] - self.windows[i][0]) / grid.dt for i in hoops), 1.0]
-        pairs = sum(a * b for a, b in pairwise(counts))
+        known = self.passing.of(hoops)
+        counts = [1.0, *(max(high - low, 0.0) / grid.cell + 1 for low, high in known.windows), 1.0]
+        spans = [np.inf, *((high - low) / grid.cell + 4 for low, high in known.durations), np.inf]
+        pairs = sum(a * min(b, span) for (a, b), span in zip(pairwise(counts), spans, strict=False))
         each = grid.reach / grid.parts if isinstance(grid, HoldGrid) else 2.0
         return each * pairs * grid.steps / len(counts[1:]) * grid.turn
 
@@ -283,6 +303,6 @@ def compile_kernels() -> None:
     for winding in (None, 0):
         problem = Problem(scenario, None, 1.0)
         grid = time_grid(problem.duration, scenario.quadrotor.rate_max, turn=LEAST_ANGLES)
-        dual = Dual(problem, grid, Branch(winding), (0,), [(0.5, 0.6)])
+        dual = Dual(problem, grid, Branch(winding), (0,), Passing(((0.5, 0.6),), ()))
         dual(np.ones(dual.size))
         dual.prune(np.ones(dual.size))

@@ -1,6 +1,7 @@
 """The stations of a chain: start, hoops and goal, the distances between them, and the windows of the passing times.
 
-A window is an interval of the time [s] at which a flight of duration T passes a hoop. A grid that is longer than T
+A window is an interval of the time [s] at which a flight of duration T passes a hoop. Its cells are the times between
+neighbouring instants at which chains may pass hoops. A grid that is longer than T
 bounds the same flights, because they may hover until they fill it. Their passing times are then later by the
 difference.
 """
@@ -10,18 +11,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario, Tolerance
-from optimal.flights.projection_bound import passing_windows
+from optimal.flights.projection_bound import greatest_speed, passing_windows
 from optimal.proof.rounding import TIME_MARGIN
 from optimal.proof.tilt_program import Grid, Integers
 
 Interval = tuple[float, float]
 STEPS_APART = 4
-"""Fewest time steps between two stations of a chain."""
+"""Fewest cells between two stations of a chain."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ class Stations:
         places: both ends of each gap relative to the start, shape (m+2, 2, 2).
         size: bound of the magnitudes from which the coordinates of each station are computed, shape (m+2,).
         far, near: greatest and least distance between places of consecutive stations, shape (m+1,).
+        ways: shortest vectors between them, shape (m+1, 2).
 
     Args:
         problem: the flights.
@@ -91,32 +94,73 @@ class Stations:
         slack = np.append(np.zeros(len(pairs) - 1), problem.position)
         error = TIME_MARGIN * (self.size[:-1] + self.size[1:])
         self.far = np.array([max(math.dist(a, b) for a in one for b in other) for one, other in pairs]) + slack + error
-        self.near = np.maximum([segment_distance(*pair) for pair in pairs] - slack - error, 0.0)
+        self.ways = np.array([shortest_way(*pair) for pair in pairs])
+        self.near = np.maximum(np.hypot(*self.ways.T) - slack - error, 0.0)
 
-    def least_times(self, problem: Problem, grid: Grid) -> Array:
-        """Return lower bounds of the times between consecutive stations [s], shape (m+1,)."""
+    def least_times(self, problem: Problem, windows: Sequence[Interval]) -> Array:
+        """Return lower bounds of the times between consecutive stations [s], shape (m+1,).
+
+        A flight covers the least distance of two stations along a direction at some instant at least at the mean speed,
+        and the projection bound limits this speed.
+
+        Args:
+            problem: the flights.
+            windows: windows of the passing times of the hoops of the chain [s].
+        """
         vehicle = problem.scenario.quadrotor
-        return self.near / greatest_speed(vehicle.thrust_max + vehicle.gravity, grid, problem)
+        allowance = problem.speed / (vehicle.thrust_max - vehicle.gravity)
+        duration = problem.duration + allowance  # to come to rest after the end
+        reach = problem.position + problem.speed * allowance
+        first, last = [0.0, *(low for low, _ in windows)], [*(high for _, high in windows), problem.duration]
+        found = []
+        for i, (way, near) in enumerate(zip(self.ways, self.near, strict=True)):
+            length = float(np.hypot(*way))
+            if near == 0 or length == 0:
+                found.append(0.0)
+                continue
+            along = way / length
+            pull = vehicle.gravity * along[1]
+            covered, end = (self.places[i : i + 2] @ along).ravel(), float(self.places[-1, 0] @ along)
+            margin = TIME_MARGIN * float(self.size.max())
+            before = (float(covered.min()) - margin, float(covered.max()) + margin)
+            after = (end - before[1] - reach, end - before[0] + reach)
+            limits = (last[i], duration - first[i], duration)
+            speed = greatest_speed((vehicle.thrust_max - pull, vehicle.thrust_max + pull), before, after, limits)
+            # Without time to move no flight passes both stations.
+            found.append(near / (speed * (1 + TIME_MARGIN)) if speed > 0 else duration)
+        return np.array(found)
 
 
-def greatest_speed(acceleration: float, grid: Grid, problem: Problem) -> float:
-    """Return an upper bound of the speed of a flight that starts at rest and ends with the tolerance's speed [m/s]."""
-    return (acceleration * grid.steps * grid.dt + problem.speed) / 2 * (1 + TIME_MARGIN)
-
-
-def hoops_apart(problem: Problem, grid: Grid, hoops: Sequence[int]) -> tuple[int, ...]:
+def hoops_apart(problem: Problem, grid: Grid, hoops: Sequence[int], passing: Passing) -> tuple[int, ...]:
     """Return the hoops without those that are too close to the station before them, or to the goal, for a grid."""
+
+    def apart(chain: tuple[int, ...]) -> list[bool]:
+        return (least_times(problem, chain, passing.of(chain)) >= STEPS_APART * grid.cell).tolist()
+
     found: tuple[int, ...] = ()
     for hoop in hoops:
-        if Stations(problem, (*found, hoop)).least_times(problem, grid)[-2] >= STEPS_APART * grid.dt:
+        if apart((*found, hoop))[-2]:
             found = (*found, hoop)
-    while found and Stations(problem, found).least_times(problem, grid)[-1] < STEPS_APART * grid.dt:
+    while found and not apart(found)[-1]:
         found = found[:-1]
     return found
 
 
-def segment_distance(one: Array, other: Array) -> float:
-    """Return the least distance of two line segments, each given by its ends, shape (2, 2)."""
+def least_times(problem: Problem, hoops: Sequence[int], passing: Passing) -> Array:
+    """Return lower bounds of the times between consecutive stations of a chain, by physics and by what is known [s].
+
+    Args:
+        problem: the flights.
+        hoops: the hoops of the chain.
+        passing: what is known of the passing times of these hoops.
+    """
+    found = Stations(problem, hoops).least_times(problem, passing.windows)
+    found[1:-1] = np.maximum(found[1:-1], [low for low, _ in passing.durations])
+    return found
+
+
+def shortest_way(one: Array, other: Array) -> Array:
+    """Return the shortest vector from one line segment to another, each given by its ends, shape (2, 2)."""
     (a, b), (c, d) = one, other
     along, across = b - a, d - c
     det = along[0] * across[1] - along[1] * across[0]
@@ -125,40 +169,87 @@ def segment_distance(one: Array, other: Array) -> float:
         share = (way[0] * across[1] - way[1] * across[0]) / det
         there = (way[0] * along[1] - way[1] * along[0]) / det
         if 0 <= share <= 1 and 0 <= there <= 1:
-            return 0.0
-    return min(_point_distance(*pair) for pair in ((a, other), (b, other), (c, one), (d, one)))
+            return np.zeros(2)
+    ways = [_way(a, other), _way(b, other), -_way(c, one), -_way(d, one)]
+    return min(ways, key=lambda way: float(way @ way))
 
 
-def _point_distance(point: Array, segment: Array) -> float:
-    """Return the distance of a point from a line segment."""
+def _way(point: Array, segment: Array) -> Array:
+    """Return the shortest vector from a point to a line segment."""
     way = segment[1] - segment[0]
     length = float(way @ way)
     share = min(max(float((point - segment[0]) @ way) / length, 0.0), 1.0) if length > 0 else 0.0
-    return math.dist(segment[0] + share * way, point)
+    return np.asarray(segment[0] + share * way - point)
 
 
-Windows = tuple[Interval, ...]
-"""For each hoop, the interval of its passing time in flights of duration T [s]."""
+@dataclass(frozen=True)
+class Passing:
+    """What is known of the passing times of all flights of duration T.
+
+    Attributes:
+        windows: for each hoop, an interval that contains its passing time [s].
+        durations: for each two consecutive hoops, an interval that contains the time between them [s].
+    """
+
+    windows: tuple[Interval, ...]
+    durations: tuple[Interval, ...]
+
+    @classmethod
+    def possible(cls, problem: Problem) -> Passing:
+        """Return what the projection bound says."""
+        shares = passing_windows(problem.scenario, problem.duration, problem.tolerance)
+        windows = tuple((low * problem.duration, high * problem.duration) for low, high in shares)
+        return cls(windows, ((0.0, problem.duration),) * max(len(windows) - 1, 0))
+
+    def of(self, hoops: Sequence[int]) -> Passing:
+        """Return what is known of a chain through some hoops."""
+        durations = []
+        for i, j in pairwise(hoops):
+            low, high = zip(*self.durations[i:j], strict=True)
+            durations.append((sum(low), sum(high)))
+        return Passing(tuple(self.windows[i] for i in hoops), tuple(durations))
+
+    def cut(self, hoops: Sequence[int], left: Passing) -> Passing:
+        """Return the intersection with what is left for a chain through some hoops."""
+        windows, durations = list(self.windows), list(self.durations)
+        for hoop, interval in zip(hoops, left.windows, strict=True):
+            windows[hoop] = _intersection(windows[hoop], interval)
+        for (i, j), interval in zip(pairwise(hoops), left.durations, strict=True):
+            if j == i + 1:
+                durations[i] = _intersection(durations[i], interval)
+        return Passing(tuple(windows), tuple(durations))
 
 
-def possible_windows(problem: Problem) -> Windows:
-    """Return windows that contain the passing times of all flights, by the argument of the projection bound."""
-    shares = passing_windows(problem.scenario, problem.duration, problem.tolerance)
-    return tuple((low * problem.duration, high * problem.duration) for low, high in shares)
+def _intersection(one: Interval, other: Interval) -> Interval:
+    return max(one[0], other[0]), min(one[1], other[1])
 
 
-def to_instants(windows: Sequence[Interval], problem: Problem, grid: Grid) -> Integers:
-    """Return the first and last instant of each window on a grid, rounded outwards, shape (m, 2)."""
-    margin = TIME_MARGIN * grid.steps
-    found = np.array(windows, dtype=np.float64).reshape(-1, 2) / grid.dt + _delay(problem, grid) / grid.dt
-    found = np.column_stack([np.floor(found[:, 0] - margin), np.ceil(found[:, 1] + margin)])
-    return np.clip(found, [1, 0], [grid.steps, grid.steps - 1]).astype(np.int64)
+def to_instants(passing: Passing, problem: Problem, grid: Grid) -> tuple[Integers, Integers]:
+    """Return the first and last instant of each window, and the least and greatest number of instants between hoops.
+
+    The corners of the cells of a flight that passes two hoops at a distance S differ by between S/cell - 2 and
+    S/cell + 2 cells.
+
+    Returns:
+        Multiples of the cell, shapes (m, 2) and (m-1, 2).
+    """
+    cells, margin = grid.steps // grid.stride, TIME_MARGIN * grid.steps
+    low, high = np.array(passing.windows).reshape(-1, 2).T / grid.cell + _delay(problem, grid) / grid.cell
+    windows = np.column_stack([np.floor(low - margin), np.ceil(high + margin)])
+    windows = np.clip(windows, [1, 0], [cells, cells - 1])
+    low, high = np.array(passing.durations).reshape(-1, 2).T / grid.cell
+    durations = np.column_stack([np.ceil(low - 2 - margin), np.floor(high + 2 + margin)])
+    durations = np.clip(durations, 1, cells)
+    return grid.stride * windows.astype(np.int64), grid.stride * durations.astype(np.int64)
 
 
-def to_times(instants: Integers, problem: Problem, grid: Grid) -> list[Interval]:
-    """Return windows of instants on a grid as intervals of the time [s]; `to_instants` allows for the rounding."""
-    delay = _delay(problem, grid)
-    return [(float(low * grid.dt - delay), float(high * grid.dt - delay)) for low, high in instants]
+def to_times(windows: Integers, durations: Integers, problem: Problem, grid: Grid) -> Passing:
+    """Return what is known where chains are left in these windows with these numbers of instants between the hoops."""
+    delay, dt, two = _delay(problem, grid), grid.dt, 2 * grid.cell
+    return Passing(
+        tuple((float(low * dt - delay), float(high * dt - delay)) for low, high in windows),
+        tuple((float(max(low * dt - two, 0.0)), float(high * dt + two)) for low, high in durations),
+    )
 
 
 def _delay(problem: Problem, grid: Grid) -> float:

@@ -1,8 +1,8 @@
 """The grids of the dynamic programmes: instants, and angles that divide a whole turn evenly.
 
-All windings end on a grid. Where controls may change at any time (`TimeGrid`), the time step is the time in which the
-vehicle turns by one angle at its greatest rate. The duration of such a grid is one of a discrete set of times. Where
-controls are held over environment steps (`HoldGrid`), the instants divide the steps, and the angles are finer.
+All windings end on a grid. Where controls may change at any time (`TimeGrid`), the vehicle turns by at most one angle
+in a time step. Where controls are held over environment steps (`HoldGrid`), the instants divide the steps, and the
+angles are finer.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from optimal.proof.rounding import UNIT_ROUNDOFF
 DEFAULT_ANGLES = 400
 """Least angles of one turn for a gap of 1e-3."""
 ANGLE_RANGE = 0.2
-"""Range of the number of angles that is searched, relative to the least one. Some grid then ends close to any time."""
+"""Range of the number of angles that is searched, relative to the least one."""
 REACH_RANGE = 0.5
 """Range of the angles of one environment step that is searched, relative to the least number."""
 LEAST_STEPS = 100
@@ -24,17 +24,26 @@ LEAST_STEPS = 100
 
 @dataclass(frozen=True)
 class TimeGrid:
-    """Instants t_k = k dt, where the vehicle can turn by exactly one of `turn` equal angles in dt.
+    """Instants t_k = k dt, where the vehicle can turn by at most one of `turn` equal angles in dt.
 
     Attributes:
         steps: number N of time steps.
         turn: number of angles of a whole turn.
         rate_max: greatest rate of the vehicle [rad/s].
+        stride: chains may pass hoops at every such instant; a divisor of `steps`.
+        duration: duration [s]; None for the one in which the vehicle turns by exactly one angle in dt.
     """
 
     steps: int
     turn: int
     rate_max: float
+    stride: int = 1
+    duration: float | None = None
+
+    @property
+    def cell(self) -> float:
+        """Time between two instants at which chains may pass hoops [s]."""
+        return self.stride * self.dt
 
     @property
     def angle(self) -> float:
@@ -44,12 +53,17 @@ class TimeGrid:
     @property
     def dt(self) -> float:
         """Time step [s]."""
-        return self.angle / self.rate_max
+        return self.angle / self.rate_max if self.duration is None else self.duration / self.steps
 
     @property
     def time(self) -> float:
         """Duration T [s], rounded downwards."""
-        return self.steps * self.dt * (1 - 8 * UNIT_ROUNDOFF)
+        return self.steps * self.dt * (1 - 8 * UNIT_ROUNDOFF) if self.duration is None else self.duration
+
+    @property
+    def valid(self) -> bool:
+        """Whether the vehicle turns by at most one angle in dt."""
+        return self.duration is None or self.rate_max * self.dt <= self.angle
 
 
 @dataclass(frozen=True)
@@ -69,6 +83,16 @@ class HoldGrid:
     rate_max: float
     parts: int
     step: float
+
+    @property
+    def stride(self) -> int:
+        """Chains may pass hoops at all instants."""
+        return 1
+
+    @property
+    def cell(self) -> float:
+        """Time between two instants at which chains may pass hoops [s]."""
+        return self.dt
 
     @property
     def angle(self) -> float:
@@ -110,20 +134,25 @@ def hold_grid(count: int, step: float, rate_max: float, *, reach: int, parts: in
     return min(grids, key=lambda grid: grid.reach * grid.angle)
 
 
-def time_grid(time: float, rate_max: float, *, turn: int = DEFAULT_ANGLES) -> TimeGrid:
-    """Return the grid with the least duration that is at least a given time.
+def time_grid(time: float, rate_max: float, *, turn: int = DEFAULT_ANGLES, cell: float = 0.0) -> TimeGrid:
+    """Return a grid of a given duration.
+
+    The programme permits one angle in a time step. The number of angles is chosen so that this relaxes the rate least.
 
     Args:
         time: the given time [s].
         rate_max: greatest rate of the vehicle [rad/s].
         turn: least number of angles of one turn.
+        cell: time between two instants at which chains may pass hoops, rounded to one or more time steps [s].
     """
     grids = []
     turn = max(turn, math.ceil(LEAST_STEPS * 2 * math.pi / (time * rate_max)))
     for angles in range(turn, round(turn * (1 + ANGLE_RANGE)) + 1):
-        steps = max(2, math.ceil(time * rate_max * angles / (2 * math.pi)))
-        grids += [TimeGrid(steps, angles, rate_max), TimeGrid(steps + 1, angles, rate_max)]
-    return min((grid for grid in grids if grid.time >= time), key=lambda grid: grid.time)
+        step = 2 * math.pi / angles / rate_max
+        stride = max(1, round(cell / step))
+        steps = stride * math.ceil(max(2.0, time / step * (1 + 16 * UNIT_ROUNDOFF)) / stride)
+        grids.append(TimeGrid(steps, angles, rate_max, stride, time))
+    return min(grids, key=lambda grid: grid.angle / grid.dt)
 
 
 def angles_for(gap: float) -> int:

@@ -9,11 +9,11 @@ import pytest
 
 from flatgym import SCENARIOS, Tolerance
 from optimal.direct.multistart import search
-from optimal.proof.branch_and_bound import BranchAndBound, Candidate, windings
+from optimal.proof.branch_and_bound import BranchAndBound, windings
 from optimal.proof.branches import Branch, covered
 from optimal.proof.initial_multipliers import active_hoops, kink_shares, multipliers
-from optimal.proof.stages import excluded
-from optimal.proof.stations import Problem
+from optimal.proof.stages import passing_left
+from optimal.proof.stations import Passing, Problem
 from optimal.proof.tilt_program import tilts
 from optimal.proof.time_grid import time_grid
 
@@ -29,7 +29,7 @@ def fastest(name):
 def search_tree(name: str, seconds: float = 30.0) -> BranchAndBound:
     shot = fastest(name)
     start = multipliers(SCENARIOS[name], shot, kink_shares(SCENARIOS[name], shot))
-    return BranchAndBound([Candidate(Branch(), start)], active_hoops(shot), time.monotonic() + seconds)
+    return BranchAndBound(start, active_hoops(shot), time.monotonic() + seconds)
 
 
 def near(name: str, share: float, tolerance: Tolerance | None = None) -> Problem:
@@ -44,8 +44,18 @@ def test_too_short_a_time_is_excluded_by_branches_that_cover_all_flights(name):
     problem = near(name, 0.99)
     found = search_tree(name).exclude(problem, TURN)
     assert found is not None
-    assert covered((branch for branch, _ in found), windings(problem))
-    assert all(excluded(problem, branch, stages) for branch, stages in found)
+    assert covered((branch for branch, _ in found.excluded), windings(problem))
+    left = passing_left(problem, Branch(), found.common, Passing.possible(problem))
+    assert all(passing_left(problem, branch, stages, left) is None for branch, stages in found.excluded)
+
+
+def test_a_longer_time_has_the_windings_that_a_shorter_one_could_not_have():
+    tree = search_tree("climb")
+    for share in (0.6, 0.995):
+        problem = near("climb", share)
+        found = tree.exclude(problem, TURN)
+        assert covered((branch for branch, _ in found.excluded), windings(problem))
+    assert len(windings(near("climb", 0.6))) < len(windings(problem))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -70,7 +80,7 @@ def test_nothing_is_evaluated_after_the_deadline():
 def test_mirrored_flights_are_separated_by_their_tilt():
     # Without a turn the fastest vertical flights are mirrored pairs, whose average no weight excludes.
     found = search_tree("climb").exclude(near("climb", 0.995), TURN)
-    held = [branch.held for branch, _ in found if branch.winding == 0]
+    held = [branch.held for branch, _ in found.excluded if branch.winding == 0]
     assert len(held) > 1
     assert all(held)
 

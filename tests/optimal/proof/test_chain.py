@@ -14,10 +14,11 @@ from optimal.proof.branches import Branch, TiltInterval
 from optimal.proof.bundle_method import separate
 from optimal.proof.dual import Dual
 from optimal.proof.initial_multipliers import kink_shares, multipliers
-from optimal.proof.stations import Problem, Stations, hoops_apart, possible_windows
+from optimal.proof.stations import Passing, Problem, Stations, hoops_apart
 from optimal.proof.tilt_program import tilts
 from optimal.proof.time_grid import TimeGrid, time_grid
 from tests.optimal.proof.one_weight import greatest_integral
+from tests.optimal.proof.passing import known
 
 GATES = Scenario("gates", (0.0, 1.0), (6.0, 2.0), (Hoop(2, 2, 0.5, 0.3), Hoop(4, 1.5, 0.8, -0.4)), 0.0, 3.0)
 THREE = replace(GATES, hoops=(*GATES.hoops, Hoop(5, 2, 0.4, 0.1)))
@@ -41,7 +42,8 @@ def enumerated(dual: Dual, y: np.ndarray) -> float:
     acceleration = vehicle.thrust_max + vehicle.gravity
     shared = dual._shared(y, chain)
     best = [-math.inf, -math.inf]
-    for passing in itertools.product(*(range(low, high + 1) for low, high in dual._windows.tolist())):
+    cell, stride = grid.cell, grid.stride
+    for passing in itertools.product(*(range(low, high + 1, stride) for low, high in dual._windows.tolist())):
         if any(b <= a for a, b in itertools.pairwise(passing)):
             continue
         weight = np.stack([np.interp(np.arange(steps + 1), passing, chain.weights[:, i]) for i in (0, 1)], axis=1)
@@ -53,10 +55,10 @@ def enumerated(dual: Dual, y: np.ndarray) -> float:
                 w = chain.weights[i + 1] - chain.weights[i]
                 sigma = w / ((b - a) * dt)
                 rest += sigma @ (places[i + 1] - places[i])
-                least = max((b - a - 2) * dt, dual._least[i] - 2 * dt)
+                least = max((b - a) * dt - 2 * cell, dual._least[i] - 2 * cell)
                 number = (i > 0) + (i < hoops)
                 terms = acceleration / least + stations.far[i] / least**3 if number else 0.0
-                rest += number * np.hypot(*w) * terms * dt**2 / 4
+                rest += number * np.hypot(*w) * terms * cell**2 / 4
                 if i == hoops:
                     rest += problem.position * np.hypot(sigma[0], sigma[1] + chain.tail)
             for begin in (0, 1):
@@ -87,16 +89,18 @@ def one_sum(vehicle, grid, tables, weight, begin, penalties):
 
 def toys() -> dict[str, Dual]:
     """Return small duals with every kind of constraint."""
-    grid, tolerance, found = TimeGrid(30, 24, 10.0), Tolerance(0.2, 0.4, 0.3), {}
+    tolerance, found = Tolerance(0.2, 0.4, 0.3), {}
     for name, scenario, windows in (
         ("gates", GATES, [(0.25, 0.35), (0.45, 0.55)]),
+        ("cells", GATES, [(0.2, 0.4), (0.5, 0.7)]),
         ("body", BODY, [(0.25, 0.4), (0.35, 0.55)]),
         ("three", THREE, [(0.17, 0.18), (0.33, 0.38), (0.53, 0.55)]),
     ):
+        grid = TimeGrid(30, 24, 10.0, 2 if name == "cells" else 1)
         problem = Problem(scenario, tolerance if name != "body" else None, grid.time, (0.3, 0.6))
         for winding in (None, 0, 1):
             held = (TiltInterval(0.5, -1.0, 4.0),) if winding == 1 else ()
-            found[f"{name} {winding}"] = Dual(problem, grid, Branch(winding, held), problem.hoops, windows)
+            found[f"{name} {winding}"] = Dual(problem, grid, Branch(winding, held), problem.hoops, known(windows))
     return found
 
 
@@ -130,7 +134,7 @@ def test_f_is_convex_and_homogeneous_and_its_slopes_are_subgradients(name, gener
     cuts = [dual(y) for y in points]
     for y, cut in zip(points, cuts, strict=True):
         assert cut.slope @ y == pytest.approx(cut.value, abs=1e-9)
-        assert 0 < cut.rounding < 1e-9
+        assert 0 < cut.rounding < 1e-9 * max(1.0, abs(cut.value))
         assert dual(3.7 * y).value == pytest.approx(3.7 * cut.value, rel=1e-10)
         way = generator.normal(size=dual.size)
         ahead, behind = (dual.evaluate(y + h * way).value for h in (1e-6, -1e-6))
@@ -145,7 +149,7 @@ def test_the_mirrored_task_has_the_mirrored_multipliers(generator):
     twin = replace(GATES, goal=(-6.0, 2.0), hoops=hoops)
     grid, windows = TimeGrid(60, 48, 10.0), [(0.5, 0.6), (0.8, 0.9)]
     here, there = (
-        Dual(Problem(scenario, Tolerance(), grid.time, (0.4,)), grid, Branch(winding), (0, 1), windows)
+        Dual(Problem(scenario, Tolerance(), grid.time, (0.4,)), grid, Branch(winding), (0, 1), known(windows))
         for scenario, winding in ((GATES, 1), (twin, -1))
     )
     turned = np.ones(here.size)
@@ -238,7 +242,7 @@ def test_the_rounding_bound_covers_the_floating_point_error(generator):
         for winding in (None, 1):
             problem = Problem(scenario, tolerance, grid.time, (0.3, 0.6))
             instants = [(round(t / grid.dt) * grid.dt,) * 2 for t in windows]
-            dual = Dual(problem, grid, Branch(winding), range(len(windows)), instants)
+            dual = Dual(problem, grid, Branch(winding), range(len(windows)), known(instants))
             dual._windows[1:-1] = dual._windows[1:-1, :1]  # one instant, whatever the outward rounding added
             for _ in range(5):
                 y = anything(dual, generator)
@@ -254,7 +258,7 @@ def test_f_is_invariant_under_translation(generator):
                    hoops=tuple(replace(hoop, x=hoop.x + 100, z=hoop.z - 50) for hoop in GATES.hoops))  # fmt: skip
     grid, windows = TimeGrid(60, 48, 10.0), [(0.5, 0.6), (0.8, 0.9)]
     here, there = (
-        Dual(Problem(scenario, Tolerance(), grid.time, (0.4,)), grid, Branch(0), (0, 1), windows)
+        Dual(Problem(scenario, Tolerance(), grid.time, (0.4,)), grid, Branch(0), (0, 1), known(windows))
         for scenario in (GATES, away)
     )
     for _ in range(3):
@@ -266,10 +270,10 @@ def test_hoops_that_are_too_close_are_dropped():
     grid = TimeGrid(60, 40, 10.0)
     close = replace(GATES, hoops=(GATES.hoops[0], Hoop(2.05, 2, 0.5, 0.3), GATES.hoops[1]))
     problem = Problem(close, None, grid.time)
-    assert hoops_apart(problem, grid, problem.hoops) == (0, 2)
-    assert not Dual(problem, grid, Branch(), (0, 1, 2), possible_windows(problem)).apart
+    assert hoops_apart(problem, grid, problem.hoops, Passing.possible(problem)) == (0, 2)
+    assert not Dual(problem, grid, Branch(), (0, 1, 2), Passing.possible(problem)).apart
     at_goal = Problem(replace(GATES, hoops=(Hoop(5.9, 2.0, 0.5),)), Tolerance(), grid.time)
-    assert hoops_apart(at_goal, grid, (0,)) == ()
+    assert hoops_apart(at_goal, grid, (0,), Passing.possible(at_goal)) == ()
     assert Stations(at_goal, (0,)).near[-1] == 0.0
 
 
@@ -285,23 +289,24 @@ def random_track(seed: int):
     return scenario, solve_coarse(scenario, 0)
 
 
+@pytest.mark.parametrize("cell", [0.0, 0.02])
 @pytest.mark.parametrize("seed", range(6))
-def test_no_multipliers_exclude_a_flown_time_and_no_window_loses_the_flight(seed, generator):
+def test_no_multipliers_exclude_a_flown_time_and_no_window_loses_the_flight(seed, cell, generator):
     scenario, shot = random_track(seed)
     assert shot.converged
     kinks, flown = kink_shares(scenario, shot), 1.01 * shot.trajectory.duration
-    grid = time_grid(flown, 10.0, turn=60)
+    grid = time_grid(flown, 10.0, turn=60, cell=cell)
     problem = Problem(scenario, None, grid.time, kinks)
-    hoops = hoops_apart(problem, grid, problem.hoops)
-    windows = possible_windows(problem)
+    possible = Passing.possible(problem)
+    hoops = hoops_apart(problem, grid, problem.hoops, possible)
     hover = problem.duration - shot.trajectory.duration
     passing = hover + shot.trajectory.breakpoints[np.cumsum(shot.steps)[:-1]]
-    assert all(low <= t <= high for t, (low, high) in zip(passing, windows, strict=True))
+    assert all(low <= t <= high for t, (low, high) in zip(passing, possible.windows, strict=True))
     costates = multipliers(scenario, shot, kinks)
     costates /= np.linalg.norm(costates)
     for branch in (Branch(), Branch(0)):
         near = [(t - 0.05, t + 0.05) for t in passing]
-        dual = Dual(problem, grid, branch, hoops, [near[i] for i in hoops])
+        dual = Dual(problem, grid, branch, hoops, known([near[i] for i in hoops]))
         assert len(hoops) == len(passing)
         assert separate(dual, [costates], 5).value > 0
         for spread in (0.0, 0.03, 0.3):
@@ -310,4 +315,7 @@ def test_no_multipliers_exclude_a_flown_time_and_no_window_loses_the_flight(seed
             assert dual.evaluate(y).value > 0
             left = dual.prune(y)
             assert left is not None
-            assert all(low - 1e-9 <= passing[i] <= high + 1e-9 for i, (low, high) in zip(hoops, left, strict=True))
+            both = zip(passing, left.windows, strict=True)
+            assert all(low - 1e-9 <= t <= high + 1e-9 for t, (low, high) in both)
+            both = zip(np.diff(passing), left.durations, strict=True)
+            assert all(low - 1e-9 <= t <= high + 1e-9 for t, (low, high) in both)

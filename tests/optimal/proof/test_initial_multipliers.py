@@ -13,6 +13,7 @@ from optimal.proof.dual import Dual
 from optimal.proof.initial_multipliers import KINKS, active_heights, kink_shares, multipliers
 from optimal.proof.stations import Problem
 from optimal.proof.time_grid import angles_for, time_grid
+from tests.optimal.proof.passing import known
 
 LOW = replace(SCENARIOS["horizontal-6"], ceiling=0.05)
 FLOWN = {name: (SCENARIOS[name], 0) for name in ("horizontal-6", "diagonal", "ground-6", "hoop")} | {
@@ -37,7 +38,7 @@ def proves(name: str, gap: float, width: float = 0.0) -> bool:
     passing = flown.trajectory.breakpoints[np.cumsum(flown.steps)[:-1]]
     problem = Problem(scenario, None, grid.time, kinks)
     windows = [(time - width, time + width) for time in passing]
-    cut = Dual(problem, grid, Branch(winding), problem.hoops, windows)(multipliers(scenario, flown, kinks))
+    cut = Dual(problem, grid, Branch(winding), problem.hoops, known(windows))(multipliers(scenario, flown, kinks))
     return cut.value + cut.rounding < 0
 
 
@@ -77,7 +78,7 @@ def test_signs_are_those_required_by_the_dual(name):
     kinks = kink_shares(scenario, flown)
     y = multipliers(scenario, flown, kinks)
     problem, grid = Problem(scenario, None, flown.trajectory.duration, kinks), time_grid(2.0, 10.0)
-    dual = Dual(problem, grid, Branch(winding), problem.hoops, [(0.5, 0.6)] * len(scenario.hoops))
+    dual = Dual(problem, grid, Branch(winding), problem.hoops, known([(0.5, 0.6)] * len(scenario.hoops)))
     assert y.shape == (dual.size,)
     assert (y[dual.signed] >= 0).all()
     assert (y[-2:] > 0).all()
