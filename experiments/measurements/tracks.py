@@ -73,7 +73,7 @@ def slalom(count: int) -> Scenario:
 
 def random_tracks(quick: bool, advance: Advance) -> list[Row]:
     """How small is the gap of sampled tracks after a minute each? A row a track, then a total."""
-    count, budget = (2, 2.0) if quick else (DRAWS, DRAW_BUDGET)
+    count, budget = (1, 2.0) if quick else (DRAWS, DRAW_BUDGET)
     tracks = [DISTRIBUTIONS["random-track"].scenario(EVALUATION_SEED + i) for i in range(count)]
     rows = in_parallel(random_track, [(track, budget) for track in tracks], advance)
     gaps = [row["gap"] for row in rows]

@@ -24,6 +24,8 @@ from optimal.flights.trajectory import Trajectory
 
 STEP_EDGE = 0.02
 """A crossing this near to an end of its step, as a share of the step, is moved to the neighbouring step."""
+TOUCH = 1e-6
+"""Distances to a gap that differ by less than this count as equal [m]."""
 PARALLEL = 1e-6
 """Sine of the angle between two hoops below which they count as parallel."""
 MAX_ROUNDS = 6
@@ -63,8 +65,6 @@ def solve_in_steps(
         neighbours: as NEIGHBOURS; fewer give up earlier.
     """
     first, tried = crossing_steps(target, flight, count), set[tuple[int, ...]]()
-    if len(first) < len(target.hoops):
-        return None
     found = _solve_around(target, flight, winding, count, first, tried)
     for offset in neighbours if target.hoops else ():
         if isinstance(found, StepSolution) or found < math.inf or len(tried) >= MAX_ASSIGNMENTS:
@@ -85,7 +85,7 @@ def remove_one_step(target: Scenario, best: StepSolution) -> StepSolution | None
     flight = Trajectory(time, best.states, controls, target.quadrotor)
     passed, tried = np.array(crossing_steps(target, flight, count + 1)), set[tuple[int, ...]]()
     for segment in range(len(passed), -1, -1):
-        crossings = separated(target, passed - (hoops[: len(passed)] >= segment), count)
+        crossings = separated(target, passed - (hoops >= segment), count)
         found = _solve_around(target, flight, best.winding, count, crossings, tried)
         if isinstance(found, StepSolution):
             return found
@@ -133,8 +133,19 @@ def _solve_around(
 
 
 def crossing_steps(target: Scenario, flight: Trajectory, count: int) -> tuple[int, ...]:
-    """Return the step in which a flight, divided into `count` steps, crosses each hoop; fewer if it misses one."""
+    """Return the step in which a flight, divided into `count` steps, crosses each hoop.
+
+    A flight from a coarse grid may miss a hoop by less than a micrometre where it turns round. From there on the nodes
+    nearest to the gaps stand for the crossings.
+    """
     times = crossing_times(flight, target) if target.hoops else np.zeros(0)
+    for hoop in target.hoops[len(times) :]:
+        later = flight.breakpoints >= (times[-1] if times.size else 0.0)
+        offset = flight.states[later, :2] - hoop.centre
+        aside = np.maximum(np.abs(offset @ hoop.across) - hoop.diameter / 2, 0.0)
+        distance = np.hypot(offset @ hoop.direction, aside)
+        nearest = np.flatnonzero(distance <= distance.min() + TOUCH)[0]
+        times = np.append(times, flight.breakpoints[later][nearest])
     return separated(target, np.floor(times / flight.duration * count), count)
 
 

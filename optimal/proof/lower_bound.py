@@ -25,6 +25,7 @@ from optimal.proof import files
 from optimal.proof.branch_and_bound import BranchAndBound, ExcludedBranch, windings
 from optimal.proof.branches import Branch, covered
 from optimal.proof.initial_multipliers import active_hoops, kink_shares, multipliers
+from optimal.proof.rounding import UNIT_ROUNDOFF
 from optimal.proof.stages import Stage, compile_kernels, passing_left
 from optimal.proof.stations import Passing, Problem
 from optimal.proof.time_grid import angles_for
@@ -183,7 +184,9 @@ def prove_near(
     gaps = [max_gap]
     while gaps[0] < LARGEST_GAP and flown / (1 + GAP_STEP * gaps[0]) > simple:
         gaps.insert(0, GAP_STEP * gaps[0])
-    return raise_bound(target, shot, tolerance, [(flown / (1 + gap), gap) for gap in gaps], time_budget)
+    # A quotient of rounded numbers must not exceed the requested gap.
+    durations = [(flown / (1 + gap) * (1 + 4 * UNIT_ROUNDOFF), gap) for gap in gaps]
+    return raise_bound(target, shot, tolerance, durations, time_budget)
 
 
 def raise_bound(

@@ -2,27 +2,15 @@
 
 import json
 
-import joblib
 import numpy as np
 import pytest
-from rich.progress import Progress
 
 from experiments.files import SCHEMA
-from experiments.measurements import batches, proofs, sections
+from experiments.measurements import proofs
 from experiments.measurements.rockit import rockit_solver
-from experiments.measurements.sections import SAME, convergence_order, join, measure, uniform_goal
+from experiments.measurements.sections import SAME, convergence_order, join, uniform_goal
 from experiments.measurements.solvers import SECTIONS
 from flatgym import SCENARIOS
-
-
-@pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    out = tmp_path_factory.mktemp("solvers") / "solvers.json"
-    with joblib.parallel_config(backend="threading"), pytest.MonkeyPatch.context() as patch, Progress() as bar:
-        patch.setattr(sections, "PROCESSES", 1)
-        patch.setattr(batches, "JOBS", 1)
-        measure(SECTIONS, out, smoke=True, command="flatquad measure solvers --quick", bar=bar)
-    return json.loads(out.read_text())
 
 
 def test_every_section_has_rows_and_provenance(results):

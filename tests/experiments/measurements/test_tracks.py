@@ -1,29 +1,16 @@
 """The measurement of the chain bound at small size: bounds below flights, and totals that agree with their rows."""
 
-import joblib
 import pytest
 
-from experiments.measurements import sections, tracks
-from experiments.measurements.solvers import SECTIONS
+from experiments.measurements import tracks
 from flatgym import SCENARIOS
 from optimal import prove
 
-NAMES = ("convergence", "hoops", "random_tracks", "track_validity", "sampled_steps")
 
-
-@pytest.fixture(scope="module")
-def rows():
-    """The rows of each section, and the progress that it reported last."""
-    progress = {}
-    with joblib.parallel_config(backend="threading"), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sections, "PROCESSES", 1)
-        found = {
-            name: SECTIONS[name](True, lambda done, of, name=name: progress.update({name: (done, of)}))
-            for name in NAMES
-        }
-    assert progress.keys() == set(NAMES)
-    assert all(done == of for done, of in progress.values())
-    return found
+@pytest.fixture
+def rows(results):
+    """The rows of each section."""
+    return {name: section["rows"] for name, section in results["sections"].items()}
 
 
 def test_smaller_gaps_raise_the_bound(rows):

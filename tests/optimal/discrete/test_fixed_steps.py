@@ -9,8 +9,16 @@ import pytest
 from flatgym import SCENARIOS, Hoop, Scenario
 from flatgym.task.rollout import replay_to_goal
 from optimal import fewest_steps, solve
-from optimal.direct.shooting import solve_winding
-from optimal.discrete.fixed_steps import remove_one_step, separated, solve_in_steps
+from optimal.direct.shooting import WINDINGS, solve_tolerant, solve_winding
+from optimal.discrete import program
+from optimal.discrete.fewest_steps import search_steps, starting_flights
+from optimal.discrete.fixed_steps import MAX_ASSIGNMENTS, MAX_ROUNDS, remove_one_step, separated, solve_in_steps
+
+
+@pytest.fixture(scope="module")
+def zigzag():
+    """Flights from rest to rest through twelve hoops."""
+    return starting_flights(SCENARIOS["zigzag-12"], WINDINGS)
 
 
 def one_line(*hoops, goal=(5, 0)):
@@ -78,3 +86,29 @@ def test_hoops_reached_by_turning_round_are_counted_by_certificate_and_environme
 def test_a_second_hoop_that_the_first_flight_passes_costs_nothing():
     alone = solve(one_line(Hoop(2.5, 0, 1)), max_gap=None).time
     assert solve(TURNING["near"], max_gap=None).time == pytest.approx(alone, rel=1e-4)
+
+
+@pytest.mark.parametrize("x", [-0.3, -0.5, -1.0])
+def test_a_hoop_behind_the_start_takes_the_same_steps_in_both_directions(x):
+    # The flight turns round at the hoop. The tolerance at the goal saves one or two steps.
+    forward, back = one_line(Hoop(x, 0, 1)), one_line(Hoop(x, 0, 1, math.pi))
+    steps = fewest_steps(forward, time_budget=0.0).steps
+    assert steps == fewest_steps(back, time_budget=0.0).steps
+    assert steps * forward.dt < solve(forward, max_gap=None).time
+
+
+def test_twelve_hoops_take_no_more_steps_than_a_free_flight_to_the_tolerance(zigzag):
+    target = SCENARIOS["zigzag-12"]
+    free = min(solve_tolerant(target, shot).trajectory.duration for shot in zigzag)
+    found = search_steps(target, zigzag, bound=0)
+    assert len(found.actions) == math.ceil(free / target.dt)
+    np.testing.assert_array_equal(replay_to_goal(target, found.actions), found.states)
+
+
+def test_a_step_is_removed_from_twelve_hoops_in_a_limited_number_of_solves(zigzag, monkeypatch):
+    target, calls, solve_program = SCENARIOS["zigzag-12"], [], program.solve_program
+    flight = solve_tolerant(target, zigzag[0]).trajectory
+    best = solve_in_steps(target, flight, zigzag[0].winding, math.ceil(flight.duration / target.dt))
+    monkeypatch.setattr(program, "solve_program", lambda *args: calls.append(args) or solve_program(*args))
+    assert remove_one_step(target, best) is None
+    assert len(calls) <= MAX_ASSIGNMENTS + MAX_ROUNDS
