@@ -62,7 +62,12 @@ def hoops(results: dict[str, Any]) -> str:
 
 def work(row: Row) -> list[str]:
     """Return gap, wall time, evaluations and branches of a proof as cells."""
-    return [share(row["gap"], 3), f"{row['wall_time_s']:.2f}", f"{row['evaluations']:,}", f"{row['branches']}"]
+    return [share(row["gap"], 3), seconds(row["wall_time_s"]), f"{row['evaluations']:,}", f"{row['branches']}"]
+
+
+def seconds(value: float) -> str:
+    """Return a wall time with three significant digits [s]."""
+    return f"{value:#.3g}".rstrip(".")
 
 
 def share(value: float | None, digits: int) -> str:

@@ -57,8 +57,13 @@ def test_tables_have_a_line_for_each_proof_and_a_picture(results):
     assert f"published/{chain_figures.CONVERGENCE})" in chain.convergence(results)
     text = chain.hoops(results)
     assert "| 1 | 2.00000 | 1.98999 | 0.990 % | 1.50 | 1,234 | 7 |" in text
-    assert "| 2 | 2.00000 | 1.98999 | 20.000 % | 300.00 |" in text
+    assert "| 2 | 2.00000 | 1.98999 | 20.000 % | 300 |" in text
     assert f"published/{chain_figures.HOOPS})" in text
+
+
+@pytest.mark.parametrize(("value", "text"), [(0.002443, "0.00244"), (0.5, "0.500"), (61.28, "61.3"), (599.7, "600")])
+def test_wall_times_have_three_digits(value, text):
+    assert chain.seconds(value) == text
 
 
 def test_totals_of_tracks_are_stated_and_an_unknown_gap_is_no_number(results):
