@@ -26,7 +26,7 @@ from flatgym.scenarios.catalogue import ScenarioLike, scenario
 from flatgym.scenarios.scenario import Scenario
 from optimal.direct.feasibility import beyond_horizon, infeasibility_proof
 from optimal.direct.multistart import coarse_multistart, distinct_optima, search
-from optimal.direct.shooting import WINDINGS, ShootingSolution, solve_tolerant
+from optimal.direct.shooting import WINDINGS, ShootingSolution, solve_along, solve_tolerant
 from optimal.discrete.fixed_steps import StepSolution, remove_one_step, solve_in_steps
 from optimal.flights.projection_bound import projection_bound
 from optimal.flights.solution import SolveFailed, Status
@@ -34,6 +34,8 @@ from optimal.flights.trajectory import Trajectory
 
 TIME_BUDGET = 5.0
 """Time limit of the proof that fewer steps are impossible [s]."""
+OBSTACLES = 3
+"""Most chains of an unfinished proof near which fewer steps are searched."""
 EXTRA_STEPS = 8
 """Most K that are tried upwards, beginning with the first that seems possible."""
 COARSE_GRID_ERROR = 0.02
@@ -113,7 +115,8 @@ def fewest_steps(
     if found is not None:
         steps, reason = len(found.actions), ""
         if bound < steps and time_budget > 0:
-            bound, reason = _proven_bound(target, shots[0], steps, bound, time_budget)
+            found, bound, reason = _proven(target, shots[0], found, bound, time_budget)
+            steps = len(found.actions)
         status = Status.PROVEN if bound == steps else Status.BEST_KNOWN
         return FewestSteps(target, steps, *found, bound, status, "" if bound == steps else reason)
     status = Status.INFEASIBLE if infeasible else Status.NO_STEPS_FOUND
@@ -128,15 +131,22 @@ def fewest_steps(
     return result
 
 
-def _proven_bound(
-    target: Scenario, shot: ShootingSolution, steps: int, bound: int, time_budget: float
-) -> tuple[int, str]:
-    """Return a proven lower bound of the number of steps, and how the proof ended."""
+def _proven(
+    target: Scenario, shot: ShootingSolution, found: StepSolution, bound: int, time_budget: float
+) -> tuple[StepSolution, int, str]:
+    """Return the flight, a proven lower bound of the number of steps, and how the proof ended.
+
+    Where the proof stops at a chain that it cannot exclude, a flight in fewer steps is searched near that chain.
+    """
     # Imported here, because it needs numba, which takes longer to import than everything else.
     from optimal.discrete.step_bound import least_steps, prove_steps
 
-    proof = prove_steps(target, shot, steps, time_budget)
-    return max(bound, least_steps(proof)), proof.verdict.value
+    proof = prove_steps(target, shot, len(found.actions), time_budget)
+    bound = max(bound, least_steps(proof))
+    for passing, tilts in proof.obstacles[:OBSTACLES] if bound < len(found.actions) else ():
+        near = solve_along(target, proof.flown * passing, tilts)
+        found = (search_steps(target, [near], bound, found) if near.converged else None) or found
+    return found, bound, proof.verdict.value
 
 
 def starting_flights(target: Scenario, windings: Sequence[int]) -> list[ShootingSolution]:
@@ -161,15 +171,17 @@ def expected_duration(target: Scenario, shot: ShootingSolution) -> float:
     return shot.trajectory.duration - float(np.dot(shares, [tolerance.position, tolerance.speed, tolerance.angle]))
 
 
-def search_steps(target: Scenario, shots: Sequence[ShootingSolution], bound: int) -> StepSolution | None:
+def search_steps(
+    target: Scenario, shots: Sequence[ShootingSolution], bound: int, best: StepSolution | None = None
+) -> StepSolution | None:
     """Return the flight in the fewest steps that is found near free-time ones; None if none is found.
 
     Args:
         target: the task.
         shots: flights from rest to rest, the fastest first.
         bound: fewer steps than this are impossible.
+        best: a known flight, which is returned if none in fewer steps is found.
     """
-    best: StepSolution | None = None
     for shot in shots:
         flight, duration, error = tolerant_flight(target, shot)
         least = max(bound, math.ceil(duration * (1 - error) / target.dt))

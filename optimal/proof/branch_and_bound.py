@@ -19,7 +19,7 @@ from typing import NamedTuple
 from flatgym.quadrotor import Array
 from optimal.proof.branches import Branch
 from optimal.proof.bundle_method import MAX_EVALUATIONS
-from optimal.proof.stages import Exclusion, Stage, within
+from optimal.proof.stages import Exclusion, Obstacle, Stage, within
 from optimal.proof.stations import Passing, Problem
 
 CIRCLE_EVALUATIONS, RELAXED_EVALUATIONS = 12, 6
@@ -49,6 +49,7 @@ class BranchBound(NamedTuple):
         stages: the stages found.
         passing: what they leave of the passing times.
         parts: the branches into which it is best split.
+        obstacle: the chain that stands in the way of excluding it.
     """
 
     candidate: Candidate
@@ -56,6 +57,7 @@ class BranchBound(NamedTuple):
     stages: tuple[Stage, ...]
     passing: Passing
     parts: tuple[Branch, ...]
+    obstacle: Obstacle | None
 
 
 class Exclusions(NamedTuple):
@@ -85,6 +87,9 @@ class BranchAndBound:
         multipliers: initial multipliers.
         active: the hoops that matter to the fastest known flight. The others are first ignored.
         deadline: when to stop, on the clock of `time.monotonic` [s].
+
+    Attributes:
+        obstacles: after a deadline, the chains of the branches that are not excluded, the hardest branch first.
     """
 
     multipliers: Array
@@ -93,6 +98,7 @@ class BranchAndBound:
     evaluations: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
+        self.obstacles: tuple[Obstacle, ...] = ()
         self._known: dict[int, list[Candidate]] = {}
 
     def exclude(self, problem: Problem, turn: int) -> Exclusions | None:
@@ -115,6 +121,7 @@ class BranchAndBound:
             untried += [(candidate, common) for candidate in known]
         while untried or queue:
             if time.monotonic() > self.deadline:
+                self.obstacles = tuple(bound.obstacle for *_, bound in sorted(queue) if bound.obstacle)
                 return None
             if not untried:
                 parent = heapq.heappop(queue)[2]
@@ -144,4 +151,5 @@ class BranchAndBound:
             search.run(problem.hoops, CIRCLE_EVALUATIONS if circle else MAX_EVALUATIONS)
         self.evaluations += search.evaluations
         parts = () if circle or search.done else tuple(search.split())
-        return BranchBound(Candidate(branch, search.multipliers), search.value, search.stages, search.passing, parts)
+        found, obstacle = Candidate(branch, search.multipliers), None if search.done else search.obstacle()
+        return BranchBound(found, search.value, search.stages, search.passing, parts, obstacle)

@@ -40,14 +40,15 @@ class Separation(NamedTuple):
         value: F at that point, a proven bound that includes the rounding error.
         evaluations: number of evaluations of F.
         impossible: whether the origin is a combination of subgradients, so that no multipliers have F < 0.
-        middle, spread: mean and standard deviation of the chains of the combination that is closest to the origin, by
-            the quantities of `Cut.chain`. They disagree most where a branch is best split.
+        chain: the chain with the greatest share in the combination that is closest to the origin, as in `Cut.chain`.
+        middle, spread: mean and standard deviation of its chains. They disagree most where a branch is best split.
     """
 
     multipliers: Array
     value: float
     evaluations: int
     impossible: bool
+    chain: Array
     middle: Array
     spread: Array
 
@@ -92,8 +93,9 @@ def separate(
         if not np.linalg.norm(point) > ZERO_LENGTH:
             break
         points.append(point)
-    middle, spread = _disagreement(np.array(chains), _shares(slopes, cone, np.zeros(dual.size))[0])
-    return Separation(centre, float(best), len(chains), impossible, middle, spread)
+    shares = _shares(slopes, cone, np.zeros(dual.size))[0]
+    heaviest = chains[int(np.argmax(shares))]
+    return Separation(centre, float(best), len(chains), impossible, heaviest, *_disagreement(np.array(chains), shares))
 
 
 def _contains_origin(slopes: Array, cone: Array) -> bool:

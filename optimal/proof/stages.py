@@ -45,6 +45,18 @@ PACE = 3e-10
 """Time of an evaluation divided by its cost, until one was timed [s]."""
 
 
+class Obstacle(NamedTuple):
+    """A chain that stands in the way of excluding a branch: a flight near it may be faster than the fastest known.
+
+    Attributes:
+        passing: times at which hoops and goal are reached, as shares of T, shape (H+1,).
+        tilts: tilts at equal distances in time from start to goal [rad].
+    """
+
+    passing: Array
+    tilts: Array
+
+
 class Stage(NamedTuple):
     """One step of an exclusion.
 
@@ -163,6 +175,15 @@ class Exclusion:
             stalled[kind] += impossible + 2 * (self.value > STALL * before)
             before = self.value
         return self
+
+    def obstacle(self) -> Obstacle | None:
+        """Return the chain that stands in the way on the last grid; None without one through all hoops in order."""
+        winding, found = self.branch.winding, self._separation
+        if winding is None or found is None or self._chain_hoops != self.problem.hoops:
+            return None
+        passing = np.append(found.chain[: len(self._chain_hoops)], 1.0)
+        tilts = np.concatenate([[0.0], found.chain[len(self._chain_hoops) :], [2 * np.pi * winding]])
+        return Obstacle(passing, tilts) if (np.diff(passing, prepend=0.0) > 0).all() else None
 
     def split(self) -> list[Branch]:
         """Return two parts of the branch, split by the quantity on which the chains of the last grid disagree most."""

@@ -13,7 +13,7 @@ from optimal.direct.shooting import solve_coarse, solve_winding
 from optimal.flights.projection_bound import projection_bound
 from optimal.proof.branch_and_bound import ExcludedBranch
 from optimal.proof.branches import Branch
-from optimal.proof.lower_bound import Proof, Verdict, lower_bound, prove, prove_near
+from optimal.proof.lower_bound import Proof, Verdict, faster_flight, lower_bound, prove, prove_near
 
 CLOSED = ("horizontal-3", "horizontal-6", "horizontal-9", "horizontal-12", "horizontal-15", "ground-6", "diagonal",
           "climb", "drop", "hoop", "high-hoop")  # fmt: skip
@@ -292,3 +292,19 @@ def test_gaps_and_budgets_must_be_positive(name, value):
 def test_unknown_scenarios_are_named():
     with pytest.raises(ValueError, match=r"unknown scenario 'hop'.*did you mean 'hoop'"):
         prove("hop")
+
+
+def test_an_unfinished_proof_names_chains_near_which_a_faster_flight_is_found():
+    """A proof that starts from a slow flight stops at a chain that leads to the fast one."""
+    scenario, fast = SCENARIOS["high-hoop"], fastest("high-hoop")
+    slow = min(
+        (solve_winding(scenario, winding) for winding in (-1, 0, 1) if winding != fast.winding),
+        key=lambda shot: shot.trajectory.duration if shot.converged else math.inf,
+    )
+    assert slow.trajectory.duration > 1.01 * fast.trajectory.duration
+    unfinished = prove_near(scenario, slow, max_gap=1e-3, time_budget=1.0)
+    assert unfinished.verdict is Verdict.BUDGET_SPENT
+    assert unfinished.time <= fast.trajectory.duration
+    found = faster_flight(scenario, unfinished)
+    assert found.trajectory.duration == pytest.approx(fast.trajectory.duration, rel=1e-3)
+    assert faster_flight(scenario, proof("high-hoop")) is None
