@@ -65,13 +65,14 @@ def solve_in_steps(
         neighbours: as NEIGHBOURS; fewer give up earlier.
     """
     first, tried = crossing_steps(target, flight, count), set[tuple[int, ...]]()
-    found = _solve_around(target, flight, winding, count, first, tried)
-    for offset in neighbours if target.hoops else ():
-        if isinstance(found, StepSolution) or found < math.inf or len(tried) >= MAX_ASSIGNMENTS:
+    further = [separated(target, np.array(first) + offset, count) for offset in neighbours]
+    for crossings in [first, separated(target, np.array(first), count, spare=1), *further]:
+        found = _solve_around(target, flight, winding, count, crossings, tried)
+        if isinstance(found, StepSolution):
+            return found
+        if found < math.inf or len(tried) >= MAX_ASSIGNMENTS:
             break
-        moved = separated(target, np.array(first) + offset, count)
-        found = _solve_around(target, flight, winding, count, moved, tried)
-    return found if isinstance(found, StepSolution) else None
+    return None
 
 
 def remove_one_step(target: Scenario, best: StepSolution) -> StepSolution | None:
@@ -149,12 +150,12 @@ def crossing_steps(target: Scenario, flight: Trajectory, count: int) -> tuple[in
     return separated(target, np.floor(times / flight.duration * count), count)
 
 
-def separated(target: Scenario, steps: Array, count: int) -> tuple[int, ...]:
+def separated(target: Scenario, steps: Array, count: int, spare: int = 0) -> tuple[int, ...]:
     """Return steps in which hoops are crossed, moved apart where the flight has to turn round between two hoops.
 
     Between two parallel hoops of opposite directions it turns round once, which takes a step. Where the second of two
     parallel hoops of the same direction is not ahead of the first, it turns round twice. Free flights may do both in
-    less than a step.
+    less than a step. `spare` steps are added where it turns round.
     """
     found = [int(j) for j in steps]
     for i in range(1, len(found)):
@@ -162,5 +163,6 @@ def separated(target: Scenario, steps: Array, count: int) -> tuple[int, ...]:
         same = float(before.direction @ hoop.direction)
         if abs(float(before.across @ hoop.direction)) < PARALLEL:
             back = same > 0 and float((hoop.centre - before.centre) @ hoop.direction) <= 0
-            found[i] = max(found[i], found[i - 1] + (2 if back else int(same < 0)))
+            turns = 2 if back else int(same < 0)
+            found[i] = max(found[i], found[i - 1] + turns + (spare if turns else 0))
     return tuple(min(max(j, 0), count - 1) for j in found)

@@ -54,9 +54,9 @@ OPTIONS = WARM | {
 tolerance. What converges does so within 60 iterations."""
 HOOP_MARGIN = 5e-5
 """Distance of a planned crossing from the ends of the gap [m]. Float32 actions move the path by 3e-5 m in 8 s."""
-CROSSING_SPEED = 0.05
+CROSSING_SPEED = 0.02
 """Least speed through a hoop [m/s]. A flight that turns round at a hoop would only touch its line; at this speed it
-crosses the line by 6e-5 m or more."""
+crosses the line by 1e-5 m or more."""
 RIM_MARGINS = (1e-3, 5e-3)
 """Distances beyond its radius that the body keeps from the rims at the constrained points [m], tried in this order:
 between points 5 cm apart a body of radius 0.1 m can dip in by 3 mm, but most flights keep a larger distance anyway."""

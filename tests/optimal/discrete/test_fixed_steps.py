@@ -70,6 +70,7 @@ TURNING = {
     "behind the start": one_line(Hoop(-1, 0, 1)),
     "facing": one_line(Hoop(2.5, 0, 1), Hoop(2.5, 0, 1, math.pi)),
     "there and back": one_line(Hoop(2.5, 0, 1), Hoop(2.5, 0, 1, math.pi), goal=(0, 0.5)),
+    "three times": one_line(*[Hoop(2.5, 0, 1)] * 3),
     "1 mm behind": one_line(Hoop(2.5, 0, 1), Hoop(2.499, 0, 1)),
     "ladder": replace(SCENARIOS["ladder"], start=(-0.44156129912816466, -0.16570551267770497)),
 }
