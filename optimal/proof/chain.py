@@ -87,7 +87,7 @@ class Chain(NamedTuple):
         stride: hoops are passed at multiples of this number of instants.
         rows: row of the values at the first instant of each window, shape (m+2,).
         places: both ends of each gap, relative to the start, shape (m+2, 2, 2).
-        curvature: E_i / |w_i| by segment and k - k', shape (m+1, N+1).
+        curvature: E_i / |w_i| by segment and k - k' in cells, shape (m+1, N/stride + 1).
         goal: the segment with the tolerance at the goal.
         position: position tolerance [m].
         tail: h'(T).
