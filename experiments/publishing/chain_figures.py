@@ -18,8 +18,8 @@ from optimal.direct.shooting import ShootingSolution
 from optimal.proof.branch_and_bound import ExcludedBranch
 from optimal.proof.branches import Branch
 from optimal.proof.lower_bound import Proof, prove_near
+from optimal.proof.programme.stations import Interval, Passing, Problem
 from optimal.proof.stages import passing_left
-from optimal.proof.stations import Interval, Passing, Problem
 
 CONVERGENCE, HOOPS, EXPLANATION = "chain-convergence.svg", "chain-hoops.svg", "chain-windows.svg"
 """File names of the figures."""

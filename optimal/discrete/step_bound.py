@@ -2,7 +2,7 @@
 
 Shorter flights than a number of steps are excluded first with controls that may change at any time, because controls
 that are held over a step are controls too. One step less than the fewest known is excluded last, with controls that are
-held (`optimal.proof.zero_order_hold`). A flight in steps may end anywhere within the goal tolerance, and an environment
+held (`zero_order_hold`). A flight in steps may end anywhere within the goal tolerance, and an environment
 rounds. The bound is therefore proven for a relaxed scenario.
 """
 

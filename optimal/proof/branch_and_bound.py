@@ -19,8 +19,9 @@ from typing import NamedTuple
 from flatgym.quadrotor import Array
 from optimal.proof.branches import Branch
 from optimal.proof.bundle_method import MAX_EVALUATIONS
-from optimal.proof.stages import Exclusion, Obstacle, Stage, within
-from optimal.proof.stations import Passing, Problem
+from optimal.proof.exclusion import Exclusion, Obstacle
+from optimal.proof.programme.stations import Passing, Problem
+from optimal.proof.stages import Stage, within
 
 CIRCLE_EVALUATIONS, RELAXED_EVALUATIONS = 12, 6
 """Most evaluations of F for the branch of all flights, and with hoops ignored that hardly matter."""

@@ -22,7 +22,7 @@ from scipy.optimize import nnls
 
 from flatgym.quadrotor import Array
 from optimal.proof.dual import Dual
-from optimal.proof.rounding import LEAST_LENGTH
+from optimal.proof.programme.rounding import LEAST_LENGTH
 
 MAX_EVALUATIONS = 40
 """Most evaluations of F."""

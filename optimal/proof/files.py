@@ -17,9 +17,9 @@ from flatgym.files import write_text
 from flatgym.scenarios.scenario import Scenario, Tolerance
 from optimal.proof.branch_and_bound import ExcludedBranch
 from optimal.proof.branches import Branch, PassingInterval, TiltInterval
+from optimal.proof.programme.tilt_program import Grid
+from optimal.proof.programme.time_grid import HoldGrid, TimeGrid
 from optimal.proof.stages import Stage
-from optimal.proof.tilt_program import Grid
-from optimal.proof.time_grid import HoldGrid, TimeGrid
 
 SCHEMA = 2
 """Version of the file format."""

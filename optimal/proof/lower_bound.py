@@ -24,11 +24,12 @@ from optimal.flights.projection_bound import projection_bound
 from optimal.proof import files
 from optimal.proof.branch_and_bound import BranchAndBound, ExcludedBranch, windings
 from optimal.proof.branches import Branch, covered
+from optimal.proof.exclusion import Obstacle, compile_kernels
 from optimal.proof.initial_multipliers import active_hoops, kink_shares, multipliers
-from optimal.proof.rounding import UNIT_ROUNDOFF
-from optimal.proof.stages import Obstacle, Stage, compile_kernels, passing_left
-from optimal.proof.stations import Passing, Problem
-from optimal.proof.time_grid import angles_for
+from optimal.proof.programme.rounding import UNIT_ROUNDOFF
+from optimal.proof.programme.stations import Passing, Problem
+from optimal.proof.programme.time_grid import angles_for
+from optimal.proof.stages import Stage, passing_left
 
 MAX_GAP, TIME_BUDGET = 1e-3, 60.0
 """Requested relative gap between the bound and the fastest known flight, and wall time allowed for it [s]."""

@@ -15,7 +15,7 @@ from optimal.discrete.fewest_steps import COARSE_GRID_ERROR, fewest_steps
 from optimal.discrete.step_bound import least_steps, prove_steps, relaxed_scenario
 from optimal.proof.branch_and_bound import ExcludedBranch
 from optimal.proof.lower_bound import Proof, Verdict
-from optimal.proof.time_grid import HoldGrid
+from optimal.proof.programme.time_grid import HoldGrid
 
 HELD = {
     "goal": DISTRIBUTIONS["random-goal"].scenario(1_000_017),

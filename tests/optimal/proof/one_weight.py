@@ -3,8 +3,8 @@
 import numpy as np
 
 from flatgym.quadrotor import Array, Quadrotor
-from optimal.proof.tilt_program import Tilts, limits, sweep
-from optimal.proof.time_grid import TimeGrid
+from optimal.proof.programme.tilt_program import Tilts, limits, sweep
+from optimal.proof.programme.time_grid import TimeGrid
 
 
 def greatest_integral(

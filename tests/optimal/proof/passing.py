@@ -1,6 +1,6 @@
 """Passing times that are known to lie within windows, with any time between two hoops."""
 
-from optimal.proof.stations import Passing
+from optimal.proof.programme.stations import Passing
 
 
 def known(windows) -> Passing:

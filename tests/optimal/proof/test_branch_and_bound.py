@@ -12,10 +12,10 @@ from optimal.direct.multistart import search
 from optimal.proof.branch_and_bound import BranchAndBound, windings
 from optimal.proof.branches import Branch, covered
 from optimal.proof.initial_multipliers import active_hoops, kink_shares, multipliers
+from optimal.proof.programme.stations import Passing, Problem
+from optimal.proof.programme.tilt_program import tilts
+from optimal.proof.programme.time_grid import time_grid
 from optimal.proof.stages import passing_left
-from optimal.proof.stations import Passing, Problem
-from optimal.proof.tilt_program import tilts
-from optimal.proof.time_grid import time_grid
 
 NAMES = ("horizontal-6", "ground-6", "climb", "hoop", "high-hoop")
 TURN = 200

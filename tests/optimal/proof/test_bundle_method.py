@@ -11,8 +11,8 @@ from optimal.proof.branches import Branch
 from optimal.proof.bundle_method import MAX_EVALUATIONS, separate
 from optimal.proof.dual import Cut, Dual
 from optimal.proof.initial_multipliers import kink_shares, multipliers
-from optimal.proof.stations import Problem
-from optimal.proof.time_grid import time_grid
+from optimal.proof.programme.stations import Problem
+from optimal.proof.programme.time_grid import time_grid
 
 NAMES = ("horizontal-6", "diagonal", "ground-6")
 

@@ -11,8 +11,8 @@ from optimal.direct.shooting import solve_winding
 from optimal.proof.branches import Branch
 from optimal.proof.dual import Dual
 from optimal.proof.initial_multipliers import KINKS, active_heights, kink_shares, multipliers
-from optimal.proof.stations import Problem
-from optimal.proof.time_grid import angles_for, time_grid
+from optimal.proof.programme.stations import Problem
+from optimal.proof.programme.time_grid import angles_for, time_grid
 from tests.optimal.proof.passing import known
 
 LOW = replace(SCENARIOS["horizontal-6"], ceiling=0.05)

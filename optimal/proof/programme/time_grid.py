@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from optimal.proof.rounding import UNIT_ROUNDOFF
+from optimal.proof.programme.rounding import UNIT_ROUNDOFF
 
 DEFAULT_ANGLES = 400
 """Least angles of one turn for a gap of 1e-3."""

@@ -29,7 +29,7 @@ its slope s, and the spherical Bessel functions j0 and j1,
     I = sin m (h j0(a) q_x - h^2/2 j1(a) s_z) + cos m (h j0(a) q_z + h^2/2 j1(a) s_x).
 
 Passing times. Within the step in which a hoop is passed, the bound permits other controls after the passing than
-before. This is a relaxation. Chains (`optimal.proof.chain`) pass hoops at the instants of the grid, which divide each
+before. This is a relaxation. Chains (`chain`) pass hoops at the instants of the grid, which divide each
 step into equal parts, and their theorem holds unchanged.
 
 Shorter flights. A flight in fewer steps could hover first, for a whole number of steps.
@@ -45,8 +45,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flatgym.quadrotor import Array, spherical_bessel
-from optimal.proof.rounding import LEAST_LENGTH
-from optimal.proof.time_grid import HoldGrid
+from optimal.proof.programme.rounding import LEAST_LENGTH
+from optimal.proof.programme.time_grid import HoldGrid
 
 Integers = NDArray[np.int64]
 
@@ -116,7 +116,7 @@ def _force(change, q_a, q_b, h, hold):  # type: ignore[no-untyped-def]
 def hold_sweep(k0, k1, left, right, common, tilts, limits, rows, keep):  # type: ignore[no-untyped-def]
     """Add the best rewards of the stages from instant k0 to k1 to the values at k1, for all tilts.
 
-    Arguments and result are those of `optimal.proof.tilt_program.sweep`. With `keep`, only the rows at the ends of
+    Arguments and result are those of `tilt_program.sweep`. With `keep`, only the rows at the ends of
     stages are written.
     """
     hold, low, high, b = tilts.hold, tilts.low, tilts.high, k1

@@ -14,7 +14,7 @@ Identity. Integrating by parts twice on each segment gives for every flight
 The velocities at the hoops cancel because q is continuous. Floor and ceiling give sign_j z(tau_j) >= sign_j height_j.
 
 Theorem. Let F be the maximum, over all chains, of the mean of two programmes. A chain consists of passing instants t_k,
-one for each hoop and increasing, of one end of each gap, and of the tilts of `optimal.proof.tilt_program`. Its value is
+one for each hoop and increasing, of one end of each gap, and of the tilts of `tilt_program`. Its value is
 the sum over its segments of
 
     the value of the samples of the segment, as in the tilt programme, for the weight of the chain,
@@ -60,7 +60,7 @@ what all chains share, is negative at the four corners of two cells, no flight p
 by the same proof with both cells fixed. The cells that are left bound the passing times of both hoops, and the time
 between them.
 
-Rounding is bounded by `optimal.proof.dual`.
+Rounding is bounded by `proof.chain_terms`.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ import numba
 import numpy as np
 
 from flatgym.quadrotor import Array
-from optimal.proof.tilt_program import Integers, Tilts, best_neighbour, follow, sweep
-from optimal.proof.zero_order_hold import hold_follow, hold_sweep
+from optimal.proof.programme.tilt_program import Integers, Tilts, best_neighbour, follow, sweep
+from optimal.proof.programme.zero_order_hold import hold_follow, hold_sweep
 
 
 class Chain(NamedTuple):

@@ -11,9 +11,9 @@ from scipy.optimize import brentq, minimize
 
 from flatgym import Quadrotor
 from optimal.proof.branches import TiltInterval
-from optimal.proof.rounding import UNIT_ROUNDOFF
-from optimal.proof.tilt_program import tilts
-from optimal.proof.time_grid import LEAST_STEPS, TimeGrid, angles_for, time_grid
+from optimal.proof.programme.rounding import UNIT_ROUNDOFF
+from optimal.proof.programme.tilt_program import tilts
+from optimal.proof.programme.time_grid import LEAST_STEPS, TimeGrid, angles_for, time_grid
 from tests.optimal.proof.one_weight import greatest_integral
 
 VEHICLES = (Quadrotor(), Quadrotor(thrust_min=0.5, thrust_max=30, rate_max=5), Quadrotor(3, 14, 20))

@@ -14,9 +14,9 @@ from optimal.proof.branches import Branch, TiltInterval
 from optimal.proof.bundle_method import separate
 from optimal.proof.dual import Dual
 from optimal.proof.initial_multipliers import kink_shares, multipliers
-from optimal.proof.stations import Passing, Problem, Stations, hoops_apart
-from optimal.proof.tilt_program import tilts
-from optimal.proof.time_grid import TimeGrid, time_grid
+from optimal.proof.programme.stations import Passing, Problem, Stations, hoops_apart
+from optimal.proof.programme.tilt_program import tilts
+from optimal.proof.programme.time_grid import TimeGrid, time_grid
 from tests.optimal.proof.one_weight import greatest_integral
 from tests.optimal.proof.passing import known
 

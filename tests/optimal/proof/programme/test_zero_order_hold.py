@@ -11,8 +11,8 @@ from flatgym.quadrotor import nearest_turn
 from optimal.proof.branches import Branch, PassingInterval, TiltInterval
 from optimal.proof.bundle_method import separate
 from optimal.proof.dual import Dual
-from optimal.proof.stations import Passing, Problem, hoops_apart
-from optimal.proof.time_grid import HoldGrid, TimeGrid, hold_grid, time_grid
+from optimal.proof.programme.stations import Passing, Problem, hoops_apart
+from optimal.proof.programme.time_grid import HoldGrid, TimeGrid, hold_grid, time_grid
 from tests.optimal.proof.passing import known
 
 GATES = Scenario(

@@ -40,7 +40,7 @@ bounds the flights of all windings.
 Held tilts. A branch of a proof may hold the tilt within bounds at some instant, not necessarily one of the grid. The
 sequences are then held within bounds that are wider by d for each dt between the sample and the instant.
 
-Rounding is bounded by `optimal.proof.dual`. A reward is off by at most 32 units in the last place of its magnitude: 8
+Rounding is bounded by `proof.chain_terms`. A reward is off by at most 32 units in the last place of its magnitude: 8
 from the weight, 10 from the angle of the table, 2 from the sine, the rest from products and sums.
 """
 
@@ -56,9 +56,9 @@ from numpy.typing import NDArray
 
 from flatgym.quadrotor import Array, Quadrotor
 from optimal.proof.branches import TiltInterval
-from optimal.proof.rounding import LEAST_LENGTH, TIME_MARGIN
-from optimal.proof.time_grid import HoldGrid, TimeGrid
-from optimal.proof.zero_order_hold import Hold, hold_tables, no_hold
+from optimal.proof.programme.rounding import LEAST_LENGTH, TIME_MARGIN
+from optimal.proof.programme.time_grid import HoldGrid, TimeGrid
+from optimal.proof.programme.zero_order_hold import Hold, hold_tables, no_hold
 
 Grid = TimeGrid | HoldGrid
 Integers = NDArray[np.int64]
@@ -73,7 +73,7 @@ class Tilts(NamedTuple):
         sin, cos: sine and cosine by position.
         first, last: distance to 0 and to the winding by position, as multiples of d.
         zero: position of the angle 0.
-        hold: tables for controls that are held (`optimal.proof.zero_order_hold`). `low` and `high` then belong to the
+        hold: tables for controls that are held (`zero_order_hold`). `low` and `high` then belong to the
             instants, shape (N+1,), and the spare entries are those that a step reaches.
     """
 

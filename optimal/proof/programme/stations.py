@@ -18,8 +18,8 @@ import numpy as np
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario, Tolerance
 from optimal.flights.projection_bound import greatest_speed, passing_windows
-from optimal.proof.rounding import TIME_MARGIN
-from optimal.proof.tilt_program import Grid, Integers
+from optimal.proof.programme.rounding import TIME_MARGIN
+from optimal.proof.programme.tilt_program import Grid, Integers
 
 Interval = tuple[float, float]
 STEPS_APART = 4
