@@ -25,7 +25,7 @@ LIMITS = {
 }
 VALIDATED, GOALS = 300, 100
 """Uniform goals: of each vehicle in `validity`, and in `goal_bounds`."""
-CLOSE, BUDGET, LONG_BUDGET = 2e-4, 60.0, 600.0
+CLOSE, BUDGET, LONG_BUDGET = 2e-4, 60.0, 120.0
 """Requested gap, time budget with at most one hoop [s], and time budget with more hoops [s]."""
 
 
