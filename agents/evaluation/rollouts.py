@@ -6,6 +6,7 @@ fly(policy, "random-goal", episodes=100, seed=0).steps
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from flatgym.quadrotor import Array
 from flatgym.scenarios.catalogue import ProblemLike
 from flatgym.scenarios.disturbances import Disturbances
 from flatgym.task.scene import OUTCOMES
+from flatgym.validation import numbers
 
 NO_DISTURBANCES = Disturbances()
 
@@ -70,10 +72,11 @@ def fly(
     starts, ended = np.ones(episodes, dtype=bool), np.zeros(episodes, dtype=bool)
     while (flying := outcomes == OUTCOMES[0]).any():
         action, memory = policy.predict(observations, state=memory, episode_start=starts, deterministic=True)
-        observations, _, terminated, truncated, infos = envs.step(np.asarray(action))
+        flown = in_space(action)
+        observations, _, terminated, truncated, infos = envs.step(flown)
         # Ended episodes keep stepping; the environment resets them a step later.
         starts, ended = ended, terminated | truncated
-        actions.append(np.clip(action, -1, 1).astype(np.float32))
+        actions.append(flown)
         states.append(infos["state"])
         steps[flying], outcomes[flying] = infos["steps"][flying], infos["outcome"][flying]
         passed[flying] = infos["hoops_passed"][flying]
@@ -84,6 +87,18 @@ def fly(
         tuple(np.array([state[i] for state in states[: steps[i] + 1]]) for i in range(episodes)),
         tuple(np.array([action[i] for action in actions[: steps[i]]]) for i in range(episodes)),
     )
+
+
+def in_space(action: Any) -> NDArray[np.float32]:
+    """Return actions clipped and rounded to the action space, so that what is recorded is what was flown.
+
+    NaN and infinity are kept, which the environment refuses.
+
+    Raises:
+        ValueError: for values that are not numbers.
+    """
+    values = numbers("actions", action)
+    return np.where(np.isfinite(values), np.clip(values, -1, 1), values).astype(np.float32)
 
 
 def check_spaces(policy: Policy, envs: FlatQuadVectorEnv) -> None:

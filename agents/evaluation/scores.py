@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from agents.evaluation.bootstrap import iqm
 from agents.evaluation.optima import Optima, optima
+from agents.evaluation.replay import Replay
 from agents.evaluation.rollouts import NO_DISTURBANCES, Episodes, fly
 from agents.evaluation.versions import versions
 from agents.policies.policy import Policy
@@ -115,13 +116,25 @@ def score_episodes(
     Raises:
         FasterThanOptimal, SolveFailed: as in `episode_rows`.
     """
+    rows = flight_rows(rollouts, problem, seed, optimum=optimum, store=store)
+    if not disturbances.active:
+        check_optima(rollouts, rows, problem)
+    return rows
+
+
+def flight_rows(
+    rollouts: Episodes | Replay,
+    problem: ProblemLike,
+    seed: int = EVALUATION_SEED,
+    *,
+    optimum: FewestSteps | None = None,
+    store: str | Path | None = None,
+) -> pd.DataFrame:
+    """Return the rows of `score_episodes`, also for flights in fewer steps than K*; their gap is negative."""
     target = catalogue.problem(problem)
     seeds = seed + np.arange(len(rollouts.steps))
     k_star, proven = optima(target, seeds, store) if optimum is None else Optima.of([optimum]).repeat(len(seeds))
     succeeded = np.array([word == "goal" for word in rollouts.outcomes])
-    for i in np.flatnonzero(succeeded & (rollouts.steps < k_star) & (not disturbances.active)):
-        scenario = target if isinstance(target, Scenario) else target.scenario(int(seeds[i]))
-        raise FasterThanOptimal(scenario, k_star[i], rollouts.actions[i], rollouts.states[i])
     return pd.DataFrame(
         {
             "scenario": target.name,
@@ -133,6 +146,14 @@ def score_episodes(
             "gap": np.where(succeeded, rollouts.steps / k_star - 1, np.nan),
         }
     )
+
+
+def check_optima(rollouts: Episodes, rows: pd.DataFrame, problem: ProblemLike) -> None:
+    """Raise FasterThanOptimal for an undisturbed flight in fewer steps than K*."""
+    target = catalogue.problem(problem)
+    for i in np.flatnonzero(rows["gap"] < 0):
+        scenario = target if isinstance(target, Scenario) else target.scenario(int(rows["seed"][i]))
+        raise FasterThanOptimal(scenario, rows["k_star"][i], rollouts.actions[i], rollouts.states[i])
 
 
 def evaluate(
@@ -163,14 +184,28 @@ def evaluate(
     if unknown:
         raise ValueError(f"unknown columns {sorted(unknown)}; known: {', '.join(COLUMNS)}")
     rows = episode_rows(policy, problem, episodes, seed, optimum=optimum, disturbances=disturbances, store=store)
+    name = type(policy).__name__
+    return score_row(rows, seed, disturbances, **{"agent": name, "algorithm": name} | columns)
+
+
+def score_row(
+    rows: pd.DataFrame, seed: int = EVALUATION_SEED, disturbances: Disturbances = NO_DISTURBANCES, **columns: Any
+) -> pd.DataFrame:
+    """Return the score of episodes, one row each as in `episode_rows`: a table of one row with COLUMNS.
+
+    Args:
+        rows: the episodes.
+        seed, disturbances: as in `episode_rows`.
+        columns: as in `evaluate`.
+    """
     succeeded = rows["outcome"] == "goal"
     scored = rows[succeeded] if succeeded.any() else rows
     row: dict[str, Any] = {
         "scenario": rows["scenario"].iloc[0],
-        "agent": type(policy).__name__,
-        "algorithm": type(policy).__name__,
+        "agent": None,
+        "algorithm": None,
         "seed": seed,
-        "episodes": episodes,
+        "episodes": len(rows),
         "success_rate": float(succeeded.mean()),
         "steps": float(iqm(rows["steps"].where(succeeded))),
         "k_star": float(iqm(scored["k_star"])),

@@ -23,6 +23,8 @@ from flatgym.task.observation import FAR, observation_names
 from flatgym.task.scene import Integers
 
 NUMBERS, NO_RESET = len(fleet.ROWS), np.empty((0, 7))
+GAPS = slice(6, 8)
+"""Minimum and maximum width of a gap in `Distribution.numbers`."""
 COMPILE_NOTICE_DELAY = 2.0
 """Time after which a compilation is announced [s]."""
 
@@ -56,6 +58,7 @@ class CompiledFleet(Fleet):
         self.distribution = np.zeros(0)
         if isinstance(config.problem, Distribution):
             self.distribution = np.array(config.problem.numbers)
+            self.distribution[GAPS] += 2 * config.margin
         else:
             self._write_scene(config.problem)
         self.settings = np.zeros(1, dtype=SETTINGS)
@@ -84,7 +87,7 @@ class CompiledFleet(Fleet):
             COUNT=float(len(scenario.hoops)),
         )
         for j, hoop in enumerate(scenario.hoops):
-            self.hoops[:, j] = *hoop.centre, *hoop.direction, hoop.diameter
+            self.hoops[:, j] = *hoop.centre, *hoop.direction, hoop.diameter + 2 * self.config.margin
 
     def _write_rows(self, **rows: float) -> None:
         table = self.flat.reshape(-1, ROWS, BLOCK)
@@ -102,8 +105,8 @@ class CompiledFleet(Fleet):
             "dt": config.dt,
             "start_x": start[0],
             "start_z": start[1],
-            "floor": -FAR if floor is None else floor,
-            "ceiling": FAR if ceiling is None else ceiling,
+            "floor": -FAR if floor is None else floor - config.margin,
+            "ceiling": FAR if ceiling is None else ceiling + config.margin,
             "max_steps": config.problem.max_steps,
             "last_step": config.last_step,
             "share": self.share,

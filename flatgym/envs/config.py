@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -74,6 +74,8 @@ class EnvConfig:
         disturbances: wind, thrust and mass errors, delay, sensor noise.
         starts: pool of start states; only with a scenario, not with a distribution.
         steps_most: truncate after this many steps if that is earlier than the problem's time limit.
+        margin: tolerance, gaps and heights are wider by this [m, m/s, rad], tighter if negative. A replay with a small
+            margin shows whether a flight depends on rounding.
 
     Raises:
         ValueError: naming the argument, its value and what is allowed.
@@ -85,6 +87,7 @@ class EnvConfig:
     disturbances: Disturbances = field(default_factory=Disturbances)
     starts: Starts | None = None
     steps_most: int | None = None
+    margin: float = 0.0
 
     def __post_init__(self) -> None:
         observation_names(self.observation)
@@ -114,8 +117,11 @@ class EnvConfig:
 
     @property
     def tolerance(self) -> Tolerance:
-        """The goal tolerance."""
-        return self.problem.tolerance
+        """The goal tolerance, with the margin; a negative margin takes at most half of it."""
+        near = self.problem.tolerance
+        if not self.margin:
+            return near
+        return Tolerance(*(max(value + self.margin, value / 2) for value in astuple(near)))
 
     @property
     def dt(self) -> float:

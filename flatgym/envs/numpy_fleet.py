@@ -113,7 +113,17 @@ def scene_of(config: EnvConfig, seeds: Seeds, episodes: Seeds) -> Scene:
     else:
         scene = Scene.of([problem]).repeat(n)
     factor, wind, delay = config.disturbances.draw(seeds, episodes)
-    return replace(scene, last_step=np.full(n, config.last_step), thrust_factor=factor, wind=wind, delay=delay)
+    return replace(
+        scene,
+        tolerance=config.tolerance,
+        hoop_diameter=scene.hoop_diameter + 2 * config.margin,
+        floor=scene.floor - config.margin,
+        ceiling=scene.ceiling + config.margin,
+        last_step=np.full(n, config.last_step),
+        thrust_factor=factor,
+        wind=wind,
+        delay=delay,
+    )
 
 
 def sampled_scene(problem: Distribution, seeds: Seeds, episodes: Seeds) -> Scene:
