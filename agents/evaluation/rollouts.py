@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.policies.actions import as_array
 from agents.policies.policy import Policy
+from agents.policies.spaces import fit
 from flatgym.envs.vector import FlatQuadVectorEnv
 from flatgym.quadrotor import Array
 from flatgym.scenarios.catalogue import ProblemLike
@@ -51,20 +53,23 @@ def fly(
     """Roll out a deterministic policy in a batch of episodes, and return them.
 
     Args:
-        policy: any object with Stable-Baselines3's `predict`.
+        policy: any object with Stable-Baselines3's `predict`. Its observation space, if it has one, decides whether it
+            receives features or states, and how many frames of them; see `agents.policies.spaces`.
         problem: a scenario or a distribution; episode i of a distribution has `distribution.scenario(seed + i)`.
         episodes: number of episodes.
         seed: seed of the first episode; episode i has seed + i.
         disturbances: disturbances, sampled for each episode.
 
     Raises:
-        ValueError: if the spaces of the policy differ from those of the environment, before the first step; if it
-            returns actions of a wrong shape, NaN or infinity.
+        ValueError: if the spaces of the policy do not fit the environment, before the first step; if it returns
+            actions of a wrong shape, NaN or infinity.
     """
     if episodes < 1:
         raise ValueError(f"episodes must be at least 1, got {episodes}")
-    envs = FlatQuadVectorEnv(episodes, scenario=problem, reward="sparse", **asdict(disturbances))
-    check_spaces(policy, envs)
+    policy, observation = fit(policy)
+    envs = FlatQuadVectorEnv(
+        episodes, scenario=problem, reward="sparse", observation=observation, **asdict(disturbances)
+    )
     observations, infos = envs.reset(seed=seed)
     states, actions, memory = [infos["state"]], [], None
     steps, passed = np.zeros((2, episodes), dtype=np.int64)
@@ -97,20 +102,5 @@ def in_space(action: Any) -> NDArray[np.float32]:
     Raises:
         ValueError: for values that are not numbers.
     """
-    values = numbers("actions", action)
+    values = numbers("actions", as_array(action))
     return np.where(np.isfinite(values), np.clip(values, -1, 1), values).astype(np.float32)
-
-
-def check_spaces(policy: Policy, envs: FlatQuadVectorEnv) -> None:
-    """Refuse a policy whose observation or action space differs from the environment's.
-
-    Raises:
-        ValueError: naming both shapes.
-    """
-    for name in ("observation_space", "action_space"):
-        wanted, space = getattr(envs, f"single_{name}"), getattr(policy, name, None)
-        if space is not None and space.shape != wanted.shape:
-            raise ValueError(
-                f"the policy has an {name} of shape {space.shape}, {space}, but FlatQuad-v0 one of shape "
-                f"{wanted.shape}; train it in FlatQuad-v0, or pass an object whose predict() converts"
-            )

@@ -1,61 +1,81 @@
-"""Adapters for policies of other libraries: a zip, an object of a module, or a plain function.
+"""Adapters for policies of any origin: a zip, a TorchScript or ONNX file, an object of a module, a plain function.
 
     load_policy("my_policy.zip", trust=True)
+    load_policy("my_policy.onnx")
     load_policy("my_module:policy").predict(observations)     # also "agents/mine.py:Policy"
 
 The object may have a `predict` like Stable-Baselines3's or with fewer arguments, may be a class without constructor
-arguments, or a function of observations. It receives the observations of n vehicles, shape (n, 19). A policy that
-accepts only one vehicle is called once for each, and must be stateless.
+arguments, a torch module, or a function of observations. It receives the observations of n vehicles, shape (n, 19). A
+policy that accepts only one vehicle is called once for each, and must be stateless.
 """
 
 from __future__ import annotations
 
-import difflib
-import importlib
-import importlib.util
 import inspect
-import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
-from agents import policies
+from agents.policies import archive
+from agents.policies.actions import OneForMany, PolicyFailed, as_actions, shorten
+from agents.policies.exported import SUFFIXES, load_exported, torch_network
+from agents.policies.modules import check_place, load_object
+from agents.policies.normalization import load_statistics, normalized, with_statistics_beside
 from agents.policies.policy import Policy
 
 KEYWORDS = ("state", "episode_start", "deterministic")
+ZIP = ".zip"
 
 
-class PolicyFailed(ValueError):
-    """A policy raised an error, or returned invalid actions."""
+def check_policy_name(name: str) -> None:
+    """Raise a ValueError, with the way out, for a name that `load_policy` cannot take; nothing is loaded."""
+    check_place(name, (ZIP, *SUFFIXES))
 
 
-def load_policy(name: str, trust: bool = False) -> Policy:
-    """Return a policy from a zip, or from "module:object" or "file.py:object", which runs that code.
+def load_policy(name: str, trust: bool = False, *, normalize: str = "", algorithm: str = "") -> Policy:
+    """Return a policy from a file, or from "module:object" or "file.py:object", which runs that code.
 
     Args:
-        name: path of the zip, or the object.
-        trust: as in `policies.load`, for a zip.
+        name: path of a zip of Stable-Baselines3, of a TorchScript or an ONNX file; or the object.
+        trust: as in `policies.load`, for a zip and for statistics.
+        normalize: file of the VecNormalize statistics of its training. Those beside a zip are found without it; see
+            `agents.policies.normalization`.
+        algorithm: as in `policies.load`, for a zip.
 
     Raises:
         ValueError: if it is not found or cannot be imported; as `policies.load` for a zip.
+        FileNotFoundError: if there is no such file.
     """
-    place, colon, thing = str(name).rpartition(":")
-    if not colon or name.endswith(".zip"):
-        if not name.endswith(".zip") and not Path(name).exists():
-            raise ValueError(f"{name!r} is neither a file nor of the form module:object, as in my_module:policy")
-        return policies.load(name, trust)
-    return Adapted(_object(_module(place), thing), name)
+    check_policy_name(name)
+    if normalize:
+        archive.admit(normalize, trust)
+    if algorithm and not name.endswith(ZIP):
+        raise ValueError(f"an algorithm is that of a zip, and {name} is none; leave out {algorithm!r}")
+    policy: Policy
+    if name.endswith(ZIP):
+        model = policy = archive.load(name, trust, algorithm)
+        if trust and not normalize:
+            return with_statistics_beside(model, Path(name), archive.describe(name, algorithm))
+    elif name.endswith(SUFFIXES):
+        policy = Adapted(load_exported(name, trust), name)
+    else:
+        policy = Adapted(load_object(name), name)
+    return normalized(policy, load_statistics(normalize)) if normalize else policy
 
 
 class Adapted:
     """Adapts an object or function to Stable-Baselines3's `predict`.
 
     Args:
-        policy: an object with `predict`, a class of such objects, or a function.
+        policy: an object with `predict`, a class of such objects, a torch module, or a function.
         name: its name in error messages.
+
+    Attributes:
+        policy: the object.
+        observation_space, action_space: those of the object, None if it has none.
 
     Raises:
         PolicyFailed: if it is none of these.
@@ -65,6 +85,9 @@ class Adapted:
         self.name = name or type(policy).__name__
         if inspect.isclass(policy):
             policy = self._run(policy)
+        self.policy = policy
+        if isinstance(policy, torch.nn.Module) and not hasattr(policy, "predict"):
+            policy = torch_network(policy)
         call = getattr(policy, "predict", policy)
         if not callable(call):
             raise PolicyFailed(f"{self.name} is not a policy: it has no predict(observations) and is not a function")
@@ -88,13 +111,15 @@ class Adapted:
         arguments = {key: value for key, value in zip(KEYWORDS, given, strict=True) if key in self._keywords_taken}
         if not self._one_by_one:
             try:
-                return self._actions(observations, arguments)
+                return self._actions(observations, arguments, len(observations))
+            except OneForMany:
+                raise
             except PolicyFailed as error:
                 if state is not None:
                     raise
                 first = error
         try:
-            found = np.stack([self._actions(one, arguments, (2,))[0] for one in observations]), None
+            found = np.stack([self._actions(one, arguments, None)[0] for one in observations]), None
         except PolicyFailed:
             if self._one_by_one:
                 raise
@@ -103,27 +128,21 @@ class Adapted:
         return found
 
     def _actions(
-        self, observations: NDArray[Any], arguments: dict[str, Any], shape: tuple[int, ...] | None = None
+        self, observations: NDArray[Any], arguments: dict[str, Any], count: int | None
     ) -> tuple[NDArray[Any], Any]:
+        """Return the actions for `count` observations, or for a single one without a batch axis, and the state."""
         answer = self._run(self._call, observations, **arguments)
-        actions, state = answer if isinstance(answer, tuple) and len(answer) == 2 else (answer, None)
-        wanted = shape or (len(observations), 2)
-        try:
-            actions = np.asarray(actions, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise PolicyFailed(f"{self.name} returned {answer!r}, which is not an array of actions") from error
-        if actions.shape != wanted and not (actions.size == 2 and wanted in ((1, 2), (2,))):
-            raise PolicyFailed(
-                f"{self.name} returned actions of shape {actions.shape} for observations of shape "
-                f"{observations.shape}; wanted {wanted}"
-            )
-        return actions.reshape(wanted), state
+        # A pair is (actions, state), unless it is the two numbers of one action.
+        paired = isinstance(answer, tuple) and len(answer) == 2 and np.ndim(answer[0]) > 0
+        actions, state = answer if paired else (answer, None)
+        return as_actions(actions, count, self.name), state
 
     def _run(self, function: Any, *values: Any, **arguments: Any) -> Any:
         try:
             return function(*values, **arguments)
         except Exception as error:
-            raise PolicyFailed(f"{self.name} failed: {type(error).__name__}: {error}") from error
+            hint = "; observations are NumPy arrays: torch.as_tensor converts" if "must be Tensor" in str(error) else ""
+            raise PolicyFailed(f"{self.name} failed: {shorten(error)}{hint}") from error
 
 
 def _keywords(call: Any) -> tuple[str, ...]:
@@ -134,31 +153,3 @@ def _keywords(call: Any) -> tuple[str, ...]:
         return ()
     anything = any(one.kind is inspect.Parameter.VAR_KEYWORD for one in taken.values())
     return tuple(name for name in KEYWORDS if anything or name in taken)
-
-
-def _module(place: str) -> ModuleType:
-    """Return a module by its name, the current folder included, or by its file."""
-    try:
-        if place.endswith(".py"):
-            found = importlib.util.spec_from_file_location(Path(place).stem, place)
-            assert found is not None
-            assert found.loader is not None
-            module = importlib.util.module_from_spec(found)
-            sys.modules[found.name] = module  # pickle and dataclasses look classes up there
-            found.loader.exec_module(module)
-            return module
-        if (here := str(Path.cwd())) not in sys.path:
-            sys.path.insert(0, here)
-        return importlib.import_module(place)
-    except Exception as error:  # importing runs arbitrary code
-        raise ValueError(f"{place!r} cannot be imported: {type(error).__name__}: {error}") from error
-
-
-def _object(module: ModuleType, name: str) -> Any:
-    """Return an object of a module by its name."""
-    if not hasattr(module, name):
-        public = [word for word in vars(module) if not word.startswith("_")]
-        near = difflib.get_close_matches(name, public, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else f"; it has {', '.join(public) or 'nothing'}"
-        raise ValueError(f"module {module.__name__!r} has no {name!r}{hint}")
-    return getattr(module, name)

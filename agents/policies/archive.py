@@ -10,57 +10,37 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 
+from agents.policies.algorithms import ALGORITHMS, algorithm, recognise
 from agents.policies.compact import members, pack
+from agents.policies.modules import add_places
+from agents.policies.spaces import check_actions, layout
 from flatgym import __version__
-from flatgym.envs.spaces import action_space, observation_space
 from flatgym.files import write_whole
-from flatgym.task.observation import OBSERVATION_NAMES
+from flatgym.task.observation import observation_names
 
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
 """Folder of the policies that come with the package."""
 CARD = "flatquad.json"
 """Member of a zip that describes the policy."""
-ALGORITHMS = {
-    "PPO": "stable_baselines3",
-    "SAC": "stable_baselines3",
-    "TD3": "stable_baselines3",
-    "TQC": "sb3_contrib",
-}
-"""Package of each algorithm whose policies can be loaded."""
-POLICY_MODULES = {
-    "stable_baselines3.common.policies": "PPO",
-    "stable_baselines3.sac.policies": "SAC",
-    "stable_baselines3.td3.policies": "TD3",
-    "sb3_contrib.tqc.policies": "TQC",
-}
-"""Algorithm by the module of its policy class, which SB3 stores in plain text."""
-
-
-def algorithm(name: str) -> type[BaseAlgorithm]:
-    """Return an algorithm's class; a ValueError for an unknown name."""
-    if name not in ALGORITHMS:
-        raise ValueError(f"unknown algorithm {name!r}; known: {', '.join(ALGORITHMS)}")
-    found: type[BaseAlgorithm] = getattr(import_module(ALGORITHMS[name]), name)
-    return found
+WEIGHTS = "policy.pth"
+"""Member of a zip that holds the weights of the policy."""
 
 
 def save(model: BaseAlgorithm, path: str | Path, scenario: str = "") -> Path:
     """Write a policy atomically to a zip that `load` and SB3's own `load` read.
 
     Args:
-        model: a PPO, SAC, TD3 or TQC.
+        model: of any algorithm of `agents.policies.algorithms`.
         path: the file. Its folder is created if missing; an older file stays until the new one is complete.
         scenario: the training scenario, for the description.
 
     Raises:
-        ValueError: for another algorithm.
+        ValueError: for another algorithm, and for observations that FlatQuad-v0 does not have.
         OSError: naming the file, if it cannot be written.
     """
     path = Path(path)
@@ -68,9 +48,11 @@ def save(model: BaseAlgorithm, path: str | Path, scenario: str = "") -> Path:
     card = {
         "algorithm": type(model).__name__,
         "flatgym": __version__,
-        "observations": list(OBSERVATION_NAMES),
+        "observations": list(observation_names(layout(model.observation_space).observation)),
         "scenario": scenario,
     }
+    if (statistics := model.get_vec_normalize_env()) is not None:
+        card["normalized"] = statistics.norm_obs  # its statistics are a file of their own
     contents = members(model) | {CARD: json.dumps(card, indent=1).encode()}
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -80,7 +62,7 @@ def save(model: BaseAlgorithm, path: str | Path, scenario: str = "") -> Path:
     return path
 
 
-def load(path: str | Path, trust: bool = False) -> BaseAlgorithm:
+def load(path: str | Path, trust: bool = False, algorithm_name: str = "") -> BaseAlgorithm:
     """Return the policy in a zip.
 
     Loading a Stable-Baselines3 zip executes pickled code in it, with all rights of the user. Only files of the package
@@ -89,20 +71,26 @@ def load(path: str | Path, trust: bool = False) -> BaseAlgorithm:
     Args:
         path: a file written by `save` or by SB3's `model.save`.
         trust: load a file from outside the package, because its author is trusted.
+        algorithm_name: the algorithm, if the zip does not show it; by default what `describe` finds.
 
     Raises:
         ValueError: for a file outside the package without `trust`, a damaged zip, an unknown algorithm, or a policy
-            whose spaces differ from those of FlatQuad-v0.
+            whose spaces FlatQuad-v0 does not have, stacked or not.
         FileNotFoundError: if there is no such file.
     """
     path = Path(path)
     admit(path, trust)
-    kind = algorithm(describe(path)["algorithm"])
+    kind = algorithm(describe(path, algorithm_name)["algorithm"])
+    add_places(Path.cwd(), path.resolve().parent)  # for the module of a policy class of one's own
     try:
         model = kind.load(path, device="cpu")
     except (RuntimeError, KeyError, TypeError, AttributeError, ImportError, AssertionError) as error:
         raise ValueError(f"{path} is not a policy that this version of {kind.__name__} can load: {error}") from error
-    _check_spaces(path, model)
+    try:
+        layout(model.observation_space, exact=True)
+        check_actions(model.action_space, exact=True)
+    except ValueError as error:
+        raise ValueError(f"{path} does not fit FlatQuad-v0: {error}") from None
     return model
 
 
@@ -129,8 +117,12 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in PRETRAINED.glob("*.zip")))
 
 
-def describe(path: str | Path) -> dict[str, Any]:
+def describe(path: str | Path, algorithm_name: str = "") -> dict[str, Any]:
     """Return the description in a zip, with at least the key "algorithm", without executing anything.
+
+    Args:
+        path: the zip.
+        algorithm_name: the algorithm, if the zip does not show it.
 
     Raises:
         ValueError: for a damaged zip or an unknown algorithm; names the file.
@@ -144,29 +136,19 @@ def describe(path: str | Path) -> dict[str, Any]:
             inside = file.namelist()
             card = json.loads(file.read(CARD)) if CARD in inside else {}
             data = json.loads(file.read("data")) if "data" in inside else {}
+            weights = file.read(WEIGHTS) if WEIGHTS in inside else b""
     except (zipfile.BadZipFile, EOFError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise ValueError(
             f"{path} is not a whole zip of a policy: {error}; a download may have been cut short"
         ) from error
     if not isinstance(card, dict) or not isinstance(data, dict) or not data:
         raise ValueError(f"{path} is a zip, but not of a Stable-Baselines3 policy")
-    card.setdefault("algorithm", _algorithm_of(data))
+    card.setdefault("algorithm", recognise(data, weights))
+    if algorithm_name:
+        card["algorithm"] = algorithm(algorithm_name).__name__
     if card["algorithm"] not in ALGORITHMS:
-        raise ValueError(f"{path} holds a policy of none of {', '.join(ALGORITHMS)}, got {card['algorithm']!r}")
+        raise ValueError(
+            f"{path} holds a policy of none of {', '.join(ALGORITHMS)}, got {card['algorithm']!r}; if it is of one of "
+            "them, name it: load(path, trust=True, algorithm_name=...), or --algorithm on the command line"
+        )
     return card
-
-
-def _algorithm_of(data: Mapping[str, Any]) -> str:
-    """Return the algorithm of a zip that SB3 wrote, from its plain text; "" if unknown."""
-    kind = data.get("policy_class")
-    name = POLICY_MODULES.get(str(kind.get("__module__", "")), "") if isinstance(kind, dict) else ""
-    return "" if name == "PPO" and "clip_range" not in data else name  # A2C has the same policy classes
-
-
-def _check_spaces(path: Path, model: BaseAlgorithm) -> None:
-    for what, has, wanted in (
-        ("observations", model.observation_space, observation_space("features")),
-        ("actions", model.action_space, action_space()),
-    ):
-        if has != wanted:
-            raise ValueError(f"{path} does not fit FlatQuad-v0: its {what} are {has}, the environment's {wanted}")

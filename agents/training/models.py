@@ -17,7 +17,7 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents import policies
-from agents.policies import archive
+from agents.policies.algorithms import algorithm
 from agents.policies.guidance import Guidance
 from agents.policies.networks import ScaledObservations, network
 from agents.training.configs import Config, OffPolicyConfig, PPOConfig, SACConfig, TD3Config, TQCConfig
@@ -36,7 +36,7 @@ def build(config: Config) -> BaseAlgorithm:
         ValueError: if the policy to start from is not found or belongs to another algorithm.
     """
     start = starting_policy(config)
-    kind: Callable[..., BaseAlgorithm] = archive.algorithm(config.algorithm)
+    kind: Callable[..., BaseAlgorithm] = algorithm(config.algorithm)
     if start is not None:
         arguments = dict(start.policy_kwargs)
     else:
