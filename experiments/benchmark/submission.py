@@ -5,6 +5,7 @@ score(Submission(policy="my_module:policy", scenario="hoop"), store=None, timeou
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -13,19 +14,26 @@ import optimal
 from agents import policies
 from agents.controllers.cascaded_pd import CascadedPD
 from agents.controllers.tracking import Expert
-from agents.evaluation.scores import evaluate
+from agents.evaluation.rollouts import fly
+from agents.evaluation.scores import check_optima, flight_rows, score_row
 from agents.policies import archive
 from agents.policies.adapters import load_policy
+from agents.policies.fingerprint import fingerprint
 from agents.policies.policy import Policy
+from experiments.benchmark import score_file
 from experiments.benchmark.sandbox import run_isolated
 from experiments.benchmark.suite import AGENTS
 from experiments.files import Row, plain
+from experiments.provenance import provenance
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.disturbances import Disturbances
 from flatgym.scenarios.reference import EVALUATION_SEED
 
-CONTROLLERS = ("expert", "pd")
-"""Agents that can be scored on any problem."""
+CONTROLLERS = {
+    "expert": "agents.controllers.tracking:Expert",
+    "pd": "agents.controllers.cascaded_pd:CascadedPD",
+}
+"""Agents that can be scored on any problem, and their classes."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +79,12 @@ class Submission:
         return self.pretrained or self.agent or own
 
     @property
+    def source(self) -> str:
+        """The policy as `agents.policies.fingerprint` takes it."""
+        path = str(archive.PRETRAINED / f"{self.pretrained}.zip") if self.pretrained else ""
+        return self.policy or path or CONTROLLERS[self.agent]
+
+    @property
     def problem(self) -> str:
         """Name of the scenario or distribution."""
         if self.scenario:
@@ -98,13 +112,15 @@ class Submission:
         return Expert(optimal.fewest_steps_many([self.problem], jobs=1, store=store)[0])
 
 
-def score(submission: Submission, store: Path | None, timeout: float) -> Row:
+def score(submission: Submission, store: Path | None, timeout: float, record: bool = False) -> Row:
     """Return the score row of a submission, as `agents.evaluate` gives it.
 
     Args:
         submission: the policy and the problem.
         store: folder of K* that have been computed.
         timeout: time limit for an external policy [s].
+        record: whether to return the score and flights of a score file instead. A flight in fewer steps than K* is then
+            no error.
 
     Raises:
         Failed: where an external policy fails, hangs or ends its process.
@@ -112,29 +128,51 @@ def score(submission: Submission, store: Path | None, timeout: float) -> Row:
     """
     if submission.policy.endswith(".zip"):
         archive.admit(submission.policy, submission.trust)
-    arguments = asdict(submission), str(store) if store else None
+    arguments = asdict(submission), str(store) if store else None, record
     if not submission.policy:
         return score_fields(*arguments)
     row: Row = run_isolated("experiments.benchmark.submission:score_fields", *arguments, seconds=timeout)
     return row
 
 
-def score_fields(fields: Row, store: str | None) -> Row:
-    """Return the score row of a submission; all arguments as JSON holds them."""
+def record(submission: Submission, store: Path | None, timeout: float, path: Path, command: str) -> Row:
+    """Write a score file of a submission, and return its score; arguments and errors as in `score`.
+
+    Args:
+        path: the file.
+        command: the command line, for the record.
+    """
+    found = score(submission, store, timeout, record=True)
+    row: Row = found["score"] | {"command": command}
+    policy = {"name": submission.name, "fingerprint": fingerprint(submission.source)}
+    problem = catalogue.problem(submission.problem)
+    origin = provenance(command)
+    score_file.write(path, problem, submission.disturbances, policy, row, found["flights"], origin)
+    if not submission.disturbances.active and (row["gap_low"] or 0) < 0:
+        print(
+            f"{submission.name} takes fewer steps than K*: K* is wrong; please report it with {path}", file=sys.stderr
+        )
+    return row
+
+
+def score_fields(fields: Row, store: str | None, record: bool = False) -> Row:
+    """Return the score row of a submission, or its score and flights; all arguments as JSON holds them."""
     submission = Submission(**fields | {"disturbances": Disturbances(**fields["disturbances"])})
     folder = None if store is None else Path(store)
     policy = submission.load(folder)
-    rows = evaluate(
-        policy,
-        submission.problem,
-        submission.episodes,
-        submission.seed,
-        disturbances=submission.disturbances,
-        store=folder,
-        agent=submission.name,
-        env_steps=getattr(policy, "num_timesteps", None),
-    )
-    row: Row = plain(dict(rows.iloc[0]))
+    flown = fly(policy, submission.problem, submission.episodes, submission.seed, submission.disturbances)
+    rows = flight_rows(flown, submission.problem, submission.seed, store=folder)
+    columns = {
+        "agent": submission.name,
+        "algorithm": type(policy).__name__,
+        "env_steps": getattr(policy, "num_timesteps", None),
+    }
+    if record:
+        row = score_file.scored(rows, submission.seed, submission.disturbances, **columns)
+        return {"score": row, "flights": score_file.flights(rows, flown.actions)}
+    if not submission.disturbances.active:
+        check_optima(flown, rows, submission.problem)
+    row = plain(dict(score_row(rows, submission.seed, submission.disturbances, **columns).iloc[0]))
     return row
 
 

@@ -19,12 +19,12 @@ from experiments.cli import (
     measure,
     paper,
     play,
-    pretrain,
     problems,
     publish,
     report,
     solve,
     train,
+    verify,
 )
 from experiments.terminal import messages
 
@@ -48,10 +48,11 @@ for name, command, examples in (
     ("demos", demos.demos, demos.EXAMPLES),
     ("train", train.train_policy, train.EXAMPLES),
     ("evaluate", evaluate.evaluate, evaluate.EXAMPLES),
+    ("verify", verify.verify, verify.EXAMPLES),
     ("benchmark", benchmark.benchmark, benchmark.EXAMPLES),
     ("report", report.report, report.EXAMPLES),
     ("play", play.play, play.EXAMPLES),
-    ("pretrain", pretrain.pretrain, pretrain.EXAMPLES),
+    ("pretrain", train.pretrain, train.PRETRAIN_EXAMPLES),
     ("publish", publish.publish, publish.EXAMPLES),
 ):
     app.command(name, help=reflow(command.__doc__ or ""), epilog=examples)(command)

@@ -51,6 +51,10 @@ def evaluate(
         Path | None,
         typer.Option(help="Also write a page that compares the policy with ours.", show_default=False),
     ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Also write the flights to a JSON file, for `flatquad verify`.", show_default=False),
+    ] = None,
     wind: Annotated[float, typer.Option(help="Largest acceleration by wind, in m/s².")] = 0.0,
     mass: Annotated[float, typer.Option(help="Largest relative error of the mass.")] = 0.0,
     thrust_gain: Annotated[float, typer.Option(help="Largest relative error of the thrust.")] = 0.0,
@@ -73,7 +77,10 @@ def evaluate(
     )  # fmt: skip
     with progress_bar() as bar:
         bar.add_task("episodes", total=None, note="")
-        row = submission.score(submitted, CACHE, timeout) | {"command": command_line()}
+        if out is None:
+            row = submission.score(submitted, CACHE, timeout) | {"command": command_line()}
+        else:
+            row = submission.record(submitted, CACHE, timeout, out, command_line())
         if report is not None:
             page = write_page(submitted, report, command=command_line(), timeout=timeout, bar=bar)
     if as_json:
@@ -83,6 +90,8 @@ def evaluate(
         table("Score", head, [score_cells(row)], optional=("episodes", "K*", "steps"))
     if report is not None:
         messages.print(f"report: {page.resolve()}", soft_wrap=True)
+    if out is not None:
+        messages.print(f"flights: {out.resolve()}", soft_wrap=True)
 
 
 def score_cells(row: dict[str, Any]) -> list[str]:

@@ -1,4 +1,4 @@
-"""`flatquad train`: reinforcement learning of one policy."""
+"""`flatquad train`: reinforcement learning of one policy. `flatquad pretrain`: the policies of the package."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from experiments.cli.options import AsJson, ProblemName
-from experiments.terminal import progress_bar, show_record
+from experiments.formats import percent
+from experiments.terminal import messages, progress_bar, show_record
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.reference import Reference, reference
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from agents.training.train import Training
 
 EXAMPLES = "Example: flatquad train hoop --seed 1 --folder runs/hoop-1; flatquad train random-goal --algorithm sac"
+PRETRAIN_EXAMPLES = "Example: flatquad pretrain hoop climb --out my-policies"
 
 
 def train_policy(
@@ -85,3 +87,33 @@ def training_row(training: Training, config: Config, known: Reference | None) ->
         "wall_time_s": round(training.wall_time_s, 1),
         "model": str(training.model),
     }
+
+
+def pretrain(
+    names: Annotated[list[str], typer.Argument(metavar="NAME", help="Scenarios and distributions.")],
+    seed: Annotated[int, typer.Option(help="Seed of the training.")] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the policies and their cards.", show_default="that of the package")
+    ] = None,
+) -> None:
+    """Train pretrained policies again: DAgger under experts, one policy for each scenario or distribution.
+
+    Policies of distributions train one after the other on all cores, those of scenarios in parallel. A scenario takes
+    minutes, a distribution up to an hour.
+    """
+    from agents.policies.archive import PRETRAINED
+    from experiments.recipes import pretraining
+
+    problems = [catalogue.problem(name).name for name in names]
+    with progress_bar() as bar:
+        work = bar.add_task("policies", total=len(problems), note="")
+
+        def watch(point: dict[str, Any]) -> None:
+            success, seconds = percent(point["success_rate"]), point["wall_time_s"]
+            bar.update(work, note=f"after {seconds:.0f} s: success {success}, {point['steps']:.1f} steps")
+
+        for card in pretraining.pretrain(problems, seed, out or PRETRAINED, watch):
+            score = card["score"]
+            gap = "no success" if score["gap"] is None else f"gap {percent(score['gap'], sign='+')}"
+            messages.print(f"{score['scenario']}: success {percent(score['success_rate'])}, {gap}", markup=False)
+            bar.advance(work)

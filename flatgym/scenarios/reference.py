@@ -12,6 +12,7 @@ DISTRIBUTIONS. For any other scenario, even with another tolerance only, use the
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import dataclass
 from functools import lru_cache
@@ -155,6 +156,23 @@ def k_star_of(problem: ProblemLike, seeds: ArrayLike) -> Array:
         return drawn_k_star(found, seeds).k_star
     known = reference(found)
     return np.full(len(seeds), float(known.k_star) if known else np.nan)
+
+
+def k_star_digest(problem: ProblemLike) -> str | None:
+    """Return the SHA-256 of the stored K* of a scenario or distribution, in hexadecimal digits; None without any.
+
+    Scores with the same digest have the same yardstick, whatever else the table holds.
+    """
+    found = catalogue.problem(problem)
+    known: Any = None
+    if isinstance(found, Scenario):
+        row = reference(found)
+        known = row and {"k_star": row.k_star}
+    elif found.name in _data()["draws"] and DISTRIBUTIONS.get(found.name) == found:
+        known = {key: _data()["draws"][found.name][key] for key in ("first_seed", "k_star")}
+    if known is None:
+        return None
+    return hashlib.sha256(json.dumps(known, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 @lru_cache
