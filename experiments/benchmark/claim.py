@@ -13,7 +13,8 @@ from agents.policies.fingerprint import LENGTH, is_fingerprint
 from experiments.benchmark.score_file import ENVIRONMENT, KIND, SCHEMA, decode
 from experiments.files import Row
 from flatgym.scenarios import catalogue
-from flatgym.scenarios.catalogue import DISTRIBUTIONS, SCENARIOS, Problem
+from flatgym.scenarios.catalogue import SCENARIOS, Problem
+from flatgym.scenarios.distributions import DISTRIBUTIONS
 from flatgym.scenarios.disturbances import Disturbances
 from flatgym.task.scene import OUTCOMES
 
