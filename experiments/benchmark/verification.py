@@ -180,20 +180,15 @@ def same(claimed: Any, ours: Any) -> bool:
     return math.isclose(claimed, ours, rel_tol=SAME, abs_tol=SAME) if all(numbers) else bool(claimed == ours)
 
 
-def check_policy(claim: Claim, source: str, flown: Sequence[NDArray[np.float32]]) -> None:
-    """Compare a policy with that of a claim: its fingerprint, and the actions that it flies.
-
-    Args:
-        claim: of the score file.
-        source: the policy, as for `fingerprint`.
-        flown: the actions of its flights, n arrays of shape (K, 2).
-
-    Raises:
-        Refused: if they differ.
-    """
+def check_fingerprint(claim: Claim, source: str) -> None:
+    """Raise Refused if a policy, named as for `fingerprint`, is not that of a claim."""
     ours, theirs = fingerprint(source), claim.policy.get("fingerprint")
     if ours != theirs:
         raise Refused(f"its policy has the fingerprint {theirs}, and {source} has {ours}")
+
+
+def check_actions(claim: Claim, source: str, flown: Sequence[NDArray[np.float32]]) -> None:
+    """Raise Refused if a policy flies other actions, n arrays of shape (K, 2), than those of a claim."""
     for i, (flight, actions) in enumerate(zip(claim.flights, flown, strict=True)):
         if actions.shape != flight.actions.shape or np.abs(actions - flight.actions).max() > SAME_ACTION:
             raise Refused(f"{source} flies {_flight(claim, i)} with other actions than recorded")

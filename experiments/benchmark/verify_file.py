@@ -9,12 +9,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from experiments.benchmark import claim as claims
 from experiments.benchmark.score_file import decode
 from experiments.benchmark.submission import Submission, score
-from experiments.benchmark.verification import Verdict, Verification, check_policy, verify
+from experiments.benchmark.verification import Verdict, Verification, check_actions, check_fingerprint, verify
 from experiments.files import Row
 
 SHOWN = ("scenario", "agent", "episodes", "success_rate", *("success_low", "success_high"), "steps", "k_star", "proven",
@@ -52,7 +50,7 @@ def verify_file(path: Path, store: Path | None, policy: str = "", trust: bool = 
 def _with_policy(
     content: Row, found: Verification, store: Path | None, policy: str, trust: bool, timeout: float
 ) -> Verification:
-    """Return a verification that also holds for a policy."""
+    """Return a verification that also holds for a policy. It is flown only if its fingerprint is that of the file."""
     claim = claims.read(content)
     submission = Submission(
         policy=policy,
@@ -62,9 +60,10 @@ def _with_policy(
         seed=claim.seed,
         disturbances=claim.disturbances,
     )
-    flown = score(submission, store, timeout, record=True)["flights"]
     try:
-        check_policy(claim, policy, [np.asarray(decode(flight["actions"])) for flight in flown])
+        check_fingerprint(claim, policy)
+        flown = score(submission, store, timeout, record=True)["flights"]
+        check_actions(claim, policy, [decode(flight["actions"]) for flight in flown])
     except claims.Refused as refused:
         return Verification(Verdict.REFUSED, f"Refused: {refused}.")
     return Verification(found.verdict, f"{found.reason} {policy} flies the same actions.", found.score)
