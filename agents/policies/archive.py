@@ -45,7 +45,7 @@ def save(model: BaseAlgorithm, path: str | Path, scenario: str = "") -> Path:
     """
     path = Path(path)
     algorithm(type(model).__name__)
-    card = {
+    card: dict[str, Any] = {
         "algorithm": type(model).__name__,
         "flatgym": __version__,
         "observations": list(observation_names(layout(model.observation_space).observation)),

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import ast
 import difflib
-import importlib
 import importlib.util
 import sys
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -79,9 +79,9 @@ def load_module(place: str) -> ModuleType:
         if place.endswith(".py"):
             return _of_file(Path(place))
         if own is None:
-            return importlib.import_module(place)
+            return import_module(place)
         try:
-            module = importlib.import_module(place)
+            module = import_module(place)
         except ModuleNotFoundError as error:
             if error.name is None or not f"{place}.".startswith(f"{error.name}."):
                 raise  # what the user's module imports is missing
@@ -109,14 +109,19 @@ def add_places(*folders: Path) -> None:
         if str(folder) not in sys.path:
             sys.path.append(str(folder))
         for name in OURS:
-            if shadowed(name, folder) and name in sys.modules and str(folder / name) not in sys.modules[name].__path__:
-                sys.modules[name].__path__.append(str(folder / name))
+            if shadowed(name, folder) and str(folder / name) not in (places := sys.modules[name].__path__):
+                places.append(str(folder / name))
 
 
 def shadowed(name: str, folder: Path) -> bool:
     """Return whether a folder has a sub-folder of the name of our package that is not our package."""
-    ours = Path(str(importlib.import_module(name).__file__)).parent if name in sys.modules else None
-    return (folder / name).is_dir() and (ours is None or (folder / name).resolve() != ours.resolve())
+    if not (folder / name).is_dir():
+        return False
+    try:
+        ours = Path(str(import_module(name).__file__)).parent
+    except ImportError:  # an extra is missing, so the package is not in use
+        return False
+    return (folder / name).resolve() != ours.resolve()
 
 
 def _of_file(path: Path) -> ModuleType:

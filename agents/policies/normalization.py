@@ -80,7 +80,8 @@ def load_statistics(path: str | Path) -> VecNormalize:
     if not path.is_file():
         raise FileNotFoundError(f"there are no statistics of VecNormalize at {path}")
     try:
-        found = load_from_pkl(path)
+        with path.open("rb") as file:
+            found = load_from_pkl(file)
     except (pickle.UnpicklingError, EOFError, AttributeError, ImportError, ValueError, TypeError, KeyError) as error:
         raise ValueError(f"{path} does not hold statistics of VecNormalize that can be read: {error}") from error
     if not isinstance(found, VecNormalize):
@@ -101,7 +102,8 @@ def normalized(policy: Policy, statistics: VecNormalize) -> Policy:
     """
     if not statistics.norm_obs:
         return policy
-    shape = np.shape(getattr(statistics.obs_rms, "mean", None))
+    means: Any = getattr(statistics.obs_rms, "mean", ())  # of a dictionary of observations there are several
+    shape = np.shape(means)
     space = getattr(policy, "observation_space", None)
     own = layout(space) if space is not None else next(iter(layouts(shape)), Layout())
     if space is None and shape == own.single.shape:

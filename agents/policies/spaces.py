@@ -64,27 +64,24 @@ def layout(space: Any, exact: bool = False) -> Layout:
 
     Args:
         space: the observation space of a policy.
-        exact: refuse a space of the right shape with other bounds, which a wrapper of the environment has changed.
+        exact: refuse a single observation with other bounds, which a wrapper of the environment has changed. A stack
+            always needs the bounds.
 
     Raises:
         ValueError: naming both spaces, for a space that FlatQuad-v0 has with no keywords and no stacking.
     """
-    shape = getattr(space, "shape", None) or ()
-    found = layouts(shape)
-    if found and isinstance(space, Box):
-        fitting = [one for one in found if _same_bounds(one.space, space)]
-        if fitting or not exact:
-            return (fitting or found)[0]
-    elif found:
-        return found[0]
-    known = " or ".join(f"({len(names)},) for {kind}" for kind, names in OBSERVATIONS.items())
+    found = layouts(getattr(space, "shape", None) or ())
+    fitting = [one for one in found if isinstance(space, Box) and _same_bounds(one.space, space)]
+    single = [one for one in found if one.frames == 1 and one.joined]
+    if fitting or (single and not exact):
+        return (fitting or single)[0]
     advice = "pass an object whose predict() converts observations"
-    if found:
-        wanted = found[0].single
+    if single:
         raise ValueError(
-            f"its observation_space {space} has the shape of {wanted} but other bounds: it was trained behind a "
-            f"wrapper that changes observations, such as NormalizeObservation; {advice}"
+            f"its observation_space {space} has the shape of {single[0].space} but other bounds: it was trained behind "
+            f"a wrapper that changes observations, such as NormalizeObservation; {advice}"
         )
+    known = " or ".join(f"({len(names)},) for {kind}" for kind, names in OBSERVATIONS.items())
     raise ValueError(
         f"it has an observation_space of shape {getattr(space, 'shape', None)}, {space}, but FlatQuad-v0 one of shape "
         f"{known}, or a stack of these; train it in FlatQuad-v0, or {advice}"

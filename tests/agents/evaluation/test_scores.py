@@ -194,7 +194,7 @@ def test_invalid_arguments_are_refused(optimum):
 @pytest.mark.parametrize(
     ("spaces", "words"),
     [
-        ({"observation_space": gym.spaces.Box(-1, 1, (5,))}, r"observation_space of shape \(5,\).*\(19,\)"),
+        ({"observation_space": gym.spaces.Box(-1, 1, (7,))}, r"observation_space of shape \(7,\).*\(19,\)"),
         ({"action_space": gym.spaces.Box(-1, 1, (3,))}, r"action_space of shape \(3,\).*\(2,\)"),
         ({"action_space": gym.spaces.Discrete(4)}, r"action_space of shape \(\), Discrete\(4\).*\(2,\)"),
     ],

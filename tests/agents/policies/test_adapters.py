@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import torch
 
 from agents.controllers.cascaded_pd import CascadedPD
 from agents.evaluation.rollouts import fly
@@ -68,9 +69,21 @@ class Returns:
     ("answer", "words"),
     [
         (ZeroDivisionError("by wind"), "mine failed: ZeroDivisionError: by wind"),
-        (np.zeros((3, 5)), r"mine returned actions of shape \(3, 5\) for observations of shape \(3, 19\); wanted"),
+        (np.zeros((3, 5)), r"mine returned actions of shape \(3, 5\) for 3 observations; wanted \(3, 2\)"),
         ("left", "mine returned 'left', which is not an array of actions"),
-        (None, "mine returned"),
+        (None, "mine returned None, which is not an array of actions"),
+        (np.zeros((3, 2), dtype=bool), "mine returned .*, which is not an array of actions"),
+        ([["0.1", "0.2"]] * 3, "mine returned .*, which is not an array of actions"),
+        (np.zeros((3, 2), dtype=complex), "mine returned .*, which is not an array of actions"),
+        ({"action": np.zeros((3, 2))}, "mine returned {'action': .*, which is not an array of actions"),
+        ([[0, 0], [0], [0]], "mine returned .*, which is not an array of actions"),
+        (np.array([[0, 0], [np.nan, 0], [0, 0]]), r"the action \[nan, 0.0\] for observation 1 of 3; both .* finite"),
+        (torch.tensor([[0, 0], [0, 0], [0, np.inf]]), r"the action \[0.0, inf\] for observation 2 of 3"),
+        (np.zeros(2), r"mine returned one action, of shape \(2,\), for 3 observations; wanted \(3, 2\), one for each"),
+        ([0.5, 0.0], r"mine returned one action, of shape \(2,\), for 3 observations"),
+        (torch.zeros(2), r"mine returned one action, of shape \(2,\), for 3 observations"),
+        ((0.5, 0.0), r"mine returned one action, of shape \(2,\), for 3 observations"),
+        ((np.zeros(2), None), r"mine returned one action, of shape \(2,\), for 3 observations"),
     ],
 )
 def test_errors_name_the_first_cause(answer, words):
@@ -78,9 +91,54 @@ def test_errors_name_the_first_cause(answer, words):
         Adapted(Returns(answer), "mine").predict(SEEN)
 
 
+@pytest.mark.parametrize("shape", [(2,), (1, 2)])
+@pytest.mark.parametrize("kind", [np.array, torch.tensor, list, tuple])
+def test_one_observation_may_have_its_action_without_a_batch_axis(shape, kind):
+    action = np.reshape([0.5, -0.25], shape).tolist()
+    found = Adapted(Returns(kind(action)), "mine").predict(SEEN[:1])[0]
+    np.testing.assert_array_equal(found, [[0.5, -0.25]])
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        torch.ones(3, 2, requires_grad=True),
+        torch.ones(3, 2, dtype=torch.float16),
+        [torch.ones(2, requires_grad=True)] * 3,
+        np.ones((3, 2), dtype=int),
+        [[1, 1]] * 3,
+        (torch.ones(3, 2, requires_grad=True), None),
+    ],
+    ids=["gradient", "half", "list of tensors", "integers", "list", "with state"],
+)
+def test_answers_that_mean_actions_are_converted(answer):
+    found = Adapted(Returns(answer), "mine").predict(SEEN)[0]
+    assert found.dtype == np.float64
+    np.testing.assert_array_equal(found, np.ones((3, 2)))
+
+
+def test_a_function_of_tensors_is_told_what_it_receives():
+    layer = torch.nn.Linear(19, 2)
+    with pytest.raises(PolicyFailed, match=r"mine failed: TypeError.*observations are NumPy arrays: torch\.as_tensor"):
+        Adapted(layer.forward, "mine").predict(SEEN)
+    assert Adapted(lambda seen: layer(torch.as_tensor(seen)), "mine").predict(SEEN)[0].shape == (3, 2)
+
+
+def test_tensors_of_a_raw_policy_are_flown():
+    class Raw:
+        def predict(self, observation, **_):
+            return torch.tensor(PD.predict(observation)[0], requires_grad=True), None
+
+    assert fly(Raw(), "hoop").steps == fly(PD, "hoop").steps
+
+
 def test_nan_actions_are_refused_by_the_environment():
+    class Raw:
+        def predict(self, observation, **_):
+            return np.full((len(observation), 2), np.nan), None
+
     with pytest.raises(ValueError, match="finite"):
-        fly(Adapted(Returns(np.full((2, 2), np.nan))), "hoop", 2)
+        fly(Raw(), "hoop", 2)
 
 
 def test_objects_that_cannot_act_are_refused():
@@ -110,7 +168,7 @@ def test_policies_are_loaded_from_module_file_and_zip(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("policy", "neither a file nor of the form module:object"),
+        ("policy", "neither a file of a policy .* nor of the form module:object"),
         ("no_such_module:policy", "'no_such_module' cannot be imported: ModuleNotFoundError"),
         ("missing.zip", "missing.zip is not part of the package"),
     ],
