@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,11 @@ USER_RESULTS = Path("experiments/results")
 REPOSITORY_RESULTS = ROOT / "experiments" / "results"
 PUBLISHED = REPOSITORY_RESULTS / "published"
 """The results that the README prints; they are part of the package."""
+
+
+def cache_folder() -> Path:
+    """Return the folder of computed flights, which are found again by the content of their scenario."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "flatquad"
 
 
 def write_json(path: Path, data: Any) -> None:

@@ -80,7 +80,7 @@ def episode_rows(
     """Return one row per episode: scenario, seed, outcome, steps, k_star, proven, gap (NaN for a failed episode).
 
     Args:
-        policy, problem, episodes, seed, disturbances: as in `fly`. The column `scenario` is the problem's name, `seed`
+        policy, problem, episodes, seed, disturbances: as in `fly`. The column `scenario` is the problem's label, `seed`
             the seed of the episode.
         optimum: K* of the scenario without disturbances, if known.
         store: folder that caches computed K*.
@@ -137,7 +137,7 @@ def flight_rows(
     succeeded = np.array([word == "goal" for word in rollouts.outcomes])
     return pd.DataFrame(
         {
-            "scenario": target.name,
+            "scenario": catalogue.label(target),
             "seed": seeds,
             "outcome": rollouts.outcomes,
             "steps": rollouts.steps,
