@@ -24,7 +24,6 @@ from flatgym.scenarios.reference import Reference, drawn_k_star, reference
 from flatgym.scenarios.scenario import Scenario
 from optimal.batch import fewest_steps_many
 from optimal.discrete.fewest_steps import TIME_BUDGET, FewestSteps
-from optimal.flights.solution import SolveFailed
 from optimal.store import stored_answers
 
 
@@ -52,39 +51,46 @@ class Optima(NamedTuple):
         return Optima(np.repeat(self.k_star, n), np.repeat(self.proven, n))
 
 
-def optima(problem: ProblemLike, seeds: NDArray[np.int64], store: str | Path | None = None) -> Optima:
-    """Return K* for every seed: that of the scenario, or of the scenario that a distribution samples from the seed.
+def known_optima(problem: ProblemLike, seeds: NDArray[np.int64], store: str | Path | None = None) -> Optima:
+    """Return K* for every seed as far as it is shipped or in the folder `store`; NaN where the solver would be needed.
 
-    Args:
-        problem: a scenario or a distribution.
-        seeds: shape (n,).
-        store: folder that caches computed K*.
-
-    Raises:
-        SolveFailed: if no flight is found for any of them.
+    K* of a seed is that of the scenario, or of the scenario that a distribution samples from the seed.
     """
     target = catalogue.problem(problem)
     if isinstance(target, Scenario):
         return _of_scenario(target, store).repeat(len(seeds))
     drawn = drawn_k_star(target, seeds)
     known = Optima(drawn.k_star, drawn.proven)
+    for i in np.flatnonzero(np.isnan(known.k_star)) if store is not None else ():
+        (known.k_star[i],), (known.proven[i],) = _of_scenario(target.scenario(int(seeds[i])), store)
+    return known
+
+
+def optima(problem: ProblemLike, seeds: NDArray[np.int64], store: str | Path | None = None) -> Optima:
+    """Return K* for every seed, computed where `known_optima` does not know it; NaN where no flight is found.
+
+    Args:
+        problem: a scenario or a distribution.
+        seeds: shape (n,).
+        store: folder that caches computed K*.
+    """
+    target, known = catalogue.problem(problem), known_optima(problem, seeds, store)
     missing = np.flatnonzero(np.isnan(known.k_star))
-    if missing.size:
-        answers = fewest_steps_many([target.scenario(int(seed)) for seed in seeds[missing]], store=store)
-        known.k_star[missing], known.proven[missing] = Optima.of(answers)
-        if np.isnan(known.k_star).all():
-            raise SolveFailed(answers[0].scenario, answers[0])
+    if not missing.size:
+        return known
+    if isinstance(target, Scenario):
+        return Optima.of([flight_in_k_star(target, store)]).repeat(len(seeds))
+    answers = fewest_steps_many([target.scenario(int(seed)) for seed in seeds[missing]], store=store)
+    known.k_star[missing], known.proven[missing] = Optima.of(answers)
     return known
 
 
 def _of_scenario(target: Scenario, store: str | Path | None) -> Optima:
-    """Return K* of one scenario, with n = 1."""
+    """Return the shipped or stored K* of one scenario, with n = 1."""
     if (known := reference(target)) is not None:
         return Optima(np.array([float(known.k_star)]), np.array([known.proven]))
-    answer = flight_in_k_star(target, store)
-    if not np.isfinite(answer.steps):
-        raise SolveFailed(target, answer)
-    return Optima.of([answer])
+    best = None if store is None else stored_flight(target, store)
+    return Optima.of([best]) if best is not None else Optima(np.array([np.nan]), np.array([False]))
 
 
 def flight_in_k_star(target: Scenario, store: str | Path | None = None) -> FewestSteps:

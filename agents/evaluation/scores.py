@@ -14,18 +14,19 @@ seeds, so goals, hoops and disturbances of a score are unseen. K* of these scena
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from agents.evaluation.bootstrap import iqm
-from agents.evaluation.optima import Optima, optima
-from agents.evaluation.replay import Replay
+from agents.evaluation.bootstrap import iqm, summary
+from agents.evaluation.optima import Optima, known_optima, optima
 from agents.evaluation.rollouts import NO_DISTURBANCES, Episodes, fly
 from agents.evaluation.versions import versions
+from agents.policies.adapters import innermost
 from agents.policies.policy import Policy
 from flatgym.quadrotor import Array
 from flatgym.scenarios import catalogue
@@ -33,6 +34,7 @@ from flatgym.scenarios.catalogue import ProblemLike
 from flatgym.scenarios.disturbances import Disturbances
 from flatgym.scenarios.reference import EVALUATION_SEED
 from flatgym.scenarios.scenario import Scenario
+from flatgym.task.rollout import open_loop_states
 from optimal.discrete.fewest_steps import FewestSteps
 
 COLUMNS = (
@@ -42,18 +44,39 @@ COLUMNS = (
     "seed",
     "episodes",
     "success_rate",
+    "success_low",
+    "success_high",
     "steps",
     "k_star",
     "proven",
     "gap",
+    "gap_low",
+    "gap_high",
     "outcomes",
     "disturbances",
     "env_steps",
     "wall_time_s",
     "command",
     "versions",
+    "fingerprint",
 )
-"""Columns of a score row, the same in tables, JSON and CSV."""
+"""Columns of a score row, the same in tables, JSON and CSV.
+
+`wall_time_s` is the wall time of the training in the cards of the package's policies, and that of the flights in
+`flatquad evaluate`, which does not know the training. `fingerprint` is that of `agents.policies.fingerprint`.
+"""
+
+
+class Ended(Protocol):
+    """Flights that have ended: Episodes, and whatever else knows how its flights ended."""
+
+    @property
+    def outcomes(self) -> tuple[str, ...]:
+        """Outcome of each flight, n words of OUTCOMES."""
+
+    @property
+    def steps(self) -> NDArray[np.int64]:
+        """Environment steps of each flight, shape (n,)."""
 
 
 class FasterThanOptimal(AssertionError):
@@ -85,10 +108,12 @@ def episode_rows(
         optimum: K* of the scenario without disturbances, if known.
         store: folder that caches computed K*.
 
+    K* that is not known is computed for episodes that reached the goal; the others need none. Where no flight is found,
+    K* and gap are NaN.
+
     Raises:
         FasterThanOptimal: if an episode without disturbances takes fewer steps than K*. With disturbances, such as a
             tail wind, it may.
-        SolveFailed: if no K* is found at all; if some are missing, their gap is NaN.
         ValueError: as in `fly`; for an optimum of another scenario.
     """
     target = catalogue.problem(problem)
@@ -114,27 +139,40 @@ def score_episodes(
         problem, seed, optimum, disturbances, store: as in `episode_rows`.
 
     Raises:
-        FasterThanOptimal, SolveFailed: as in `episode_rows`.
+        FasterThanOptimal: as in `episode_rows`.
     """
     rows = flight_rows(rollouts, problem, seed, optimum=optimum, store=store)
     if not disturbances.active:
-        check_optima(rollouts, rows, problem)
+        check_optima(rollouts.actions, rows, problem)
     return rows
 
 
 def flight_rows(
-    rollouts: Episodes | Replay,
+    rollouts: Ended,
     problem: ProblemLike,
     seed: int = EVALUATION_SEED,
     *,
     optimum: FewestSteps | None = None,
     store: str | Path | None = None,
+    known: Optima | None = None,
 ) -> pd.DataFrame:
-    """Return the rows of `score_episodes`, also for flights in fewer steps than K*; their gap is negative."""
+    """Return the rows of `score_episodes`, also for flights in fewer steps than K*; their gap is negative.
+
+    Args:
+        rollouts, problem, seed, optimum, store: as in `score_episodes`.
+        known: K* of each episode; nothing is computed then.
+    """
     target = catalogue.problem(problem)
     seeds = seed + np.arange(len(rollouts.steps))
-    k_star, proven = optima(target, seeds, store) if optimum is None else Optima.of([optimum]).repeat(len(seeds))
     succeeded = np.array([word == "goal" for word in rollouts.outcomes])
+    if optimum is not None:
+        known = Optima.of([optimum]).repeat(len(seeds))
+    if known is None:
+        known = known_optima(target, seeds, store)
+        needed = np.flatnonzero(succeeded & np.isnan(known.k_star))
+        if needed.size:
+            known.k_star[needed], known.proven[needed] = optima(target, seeds[needed], store)
+    k_star, proven = known
     return pd.DataFrame(
         {
             "scenario": catalogue.label(target),
@@ -148,12 +186,12 @@ def flight_rows(
     )
 
 
-def check_optima(rollouts: Episodes, rows: pd.DataFrame, problem: ProblemLike) -> None:
+def check_optima(actions: Sequence[NDArray[np.float32]], rows: pd.DataFrame, problem: ProblemLike) -> None:
     """Raise FasterThanOptimal for an undisturbed flight in fewer steps than K*."""
     target = catalogue.problem(problem)
-    for i in np.flatnonzero(rows["gap"] < 0):
+    for i in np.flatnonzero(rows["gap"] < 0).tolist():
         scenario = target if isinstance(target, Scenario) else target.scenario(int(rows["seed"][i]))
-        raise FasterThanOptimal(scenario, rows["k_star"][i], rollouts.actions[i], rollouts.states[i])
+        raise FasterThanOptimal(scenario, rows["k_star"][i], actions[i], open_loop_states(scenario, actions[i]))
 
 
 def evaluate(
@@ -170,21 +208,22 @@ def evaluate(
     """Return the score of a policy on a scenario or a distribution: a table of one row with COLUMNS.
 
     `steps` and `gap` are interquartile means over the successful episodes, `k_star` is that of the same episodes, and
-    `proven` tells whether all their K* are proven. `disturbances` holds the active disturbances.
+    `proven` tells whether all their K* are proven. The intervals of success rate and gap are those of
+    `agents.evaluation.bootstrap`, over the episodes alone. `disturbances` holds the active disturbances.
 
     Args:
         policy, problem, episodes, seed, optimum, disturbances, store: as in `episode_rows`.
-        columns: further columns of the row: agent, algorithm, env_steps, wall_time_s, command.
+        columns: further columns of the row: agent, algorithm, env_steps, wall_time_s, command, fingerprint.
 
     Raises:
-        FasterThanOptimal, SolveFailed: as in `episode_rows`.
+        FasterThanOptimal: as in `episode_rows`.
         ValueError: as there, and for an unknown column.
     """
     unknown = set(columns) - set(COLUMNS)
     if unknown:
         raise ValueError(f"unknown columns {sorted(unknown)}; known: {', '.join(COLUMNS)}")
     rows = episode_rows(policy, problem, episodes, seed, optimum=optimum, disturbances=disturbances, store=store)
-    name = type(policy).__name__
+    name = type(innermost(policy)).__name__
     return score_row(rows, seed, disturbances, **{"agent": name, "algorithm": name} | columns)
 
 
@@ -199,7 +238,7 @@ def score_row(
         columns: as in `evaluate`.
     """
     succeeded = rows["outcome"] == "goal"
-    scored = rows[succeeded] if succeeded.any() else rows
+    scored, spread = rows[succeeded] if succeeded.any() else rows, summary(rows, by=("scenario",)).iloc[0]
     row: dict[str, Any] = {
         "scenario": rows["scenario"].iloc[0],
         "agent": None,
@@ -207,16 +246,21 @@ def score_row(
         "seed": seed,
         "episodes": len(rows),
         "success_rate": float(succeeded.mean()),
+        "success_low": float(spread["success_low"]),
+        "success_high": float(spread["success_high"]),
         "steps": float(iqm(rows["steps"].where(succeeded))),
         "k_star": float(iqm(scored["k_star"])),
         "proven": bool(scored["proven"].all()),
         "gap": float(iqm(rows["gap"])),
+        "gap_low": float(spread["gap_low"]),
+        "gap_high": float(spread["gap_high"]),
         "outcomes": dict(Counter(rows["outcome"])),
         "disturbances": disturbances.active,
         "env_steps": None,
         "wall_time_s": None,
         "command": None,
         "versions": versions(),
+        "fingerprint": None,
     }
     if row["k_star"].is_integer():
         row["k_star"] = int(row["k_star"])

@@ -25,6 +25,7 @@ from agents.policies.exported import SUFFIXES, load_exported, torch_network
 from agents.policies.modules import check_place, load_object
 from agents.policies.normalization import load_statistics, normalized, with_statistics_beside
 from agents.policies.policy import Policy
+from agents.policies.spaces import Wrapped
 
 KEYWORDS = ("state", "episode_start", "deterministic")
 ZIP = ".zip"
@@ -143,6 +144,13 @@ class Adapted:
         except Exception as error:
             hint = "; observations are NumPy arrays: torch.as_tensor converts" if "must be Tensor" in str(error) else ""
             raise PolicyFailed(f"{self.name} failed: {shorten(error)}{hint}") from error
+
+
+def innermost(policy: Any) -> Any:
+    """Return the model or the user's object within all adapters and wrappers."""
+    while isinstance(policy, (Adapted, Wrapped)):
+        policy = policy.policy
+    return policy
 
 
 def _keywords(call: Any) -> tuple[str, ...]:

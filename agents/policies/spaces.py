@@ -138,13 +138,6 @@ class Wrapped:
         self.policy, self.observation_space = policy, space
 
 
-def innermost(policy: Any) -> Any:
-    """Return the policy within all wrappers: a model, or the user's object."""
-    while isinstance(policy, Wrapped):
-        policy = policy.policy
-    return policy
-
-
 class Stacked(Wrapped):
     """A policy of several frames, which takes one observation at a time; its state holds the frames."""
 

@@ -25,7 +25,6 @@ from agents.evaluation.versions import versions
 from agents.policies.adapters import load_policy
 from experiments.benchmark.conditions import fly_conditions
 from experiments.benchmark.results import collect, write_results
-from experiments.benchmark.sandbox import Failed, run_isolated
 from experiments.benchmark.suite import AGENTS, PREREQUISITES, SEEDS, Cell, Suite
 from experiments.benchmark.tasks import own_tasks
 from experiments.files import SCHEMA, Row, plain, write_json
@@ -33,6 +32,7 @@ from experiments.provenance import now
 from experiments.recipes.plans import preparation
 from experiments.recipes.registry import EXPERTS, LEARNERS, prepare
 from experiments.recipes.run_spec import Budget, RunSpec, TrainedAgent
+from experiments.sandbox import Failed, run_isolated
 from flatgym.files import write_text
 from flatgym.scenarios.catalogue import label
 from optimal.parallel import unordered
@@ -125,10 +125,10 @@ def run_task(task: Task) -> Cell:
     return cell
 
 
-def run_external_cell(cell: Row, folder: str, budget: Row, policy: str) -> None:
+def run_external_cell(cell: Row, folder: str, budget: Row, policy: Row) -> None:
     """Run the cell of an external policy; all arguments as JSON holds them."""
     run_cell(
-        Cell(**cell), Path(folder), Budget(**budget), lambda _: TrainedAgent(load_policy(policy, trust=True), policy)
+        Cell(**cell), Path(folder), Budget(**budget), lambda _: TrainedAgent(load_policy(**policy), policy["name"])
     )
 
 

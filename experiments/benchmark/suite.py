@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from agents import policies
+from agents.policies import archive
+from agents.policies.adapters import ZIP, check_policy_name
 from experiments.files import Row, read_json
 from experiments.recipes.registry import EXPERTS, LEARNERS, SCENARIO_ONLY
 from experiments.recipes.run_spec import FULL, Budget
@@ -35,7 +37,7 @@ class Suite:
         seeds: training runs of each learner.
         budget: training time, sample counts and episode counts.
         preparation: whether scenarios are solved and demonstrations recorded first.
-        policies: external policies, name and argument of `load_policy`; they fly every problem.
+        policies: external policies, name and arguments of `load_policy`; they fly every problem.
         timeout: time limit for all episodes of an external policy [s].
     """
 
@@ -44,7 +46,7 @@ class Suite:
     seeds: int = SEEDS
     budget: Budget = FULL
     preparation: bool = False
-    policies: Mapping[str, str] = field(default_factory=dict)
+    policies: Mapping[str, Row] = field(default_factory=dict)
     timeout: float = TIMEOUT
 
     def with_own(self, only: Sequence[str]) -> tuple[Suite, list[str]]:
@@ -132,6 +134,27 @@ def can_fly(agent: str, problem: str) -> bool:
     if agent == "pretrained":
         return problem in policies.names()
     return not (agent in SCENARIO_ONLY and isinstance(catalogue.problem(problem), Distribution))
+
+
+def named_policies(arguments: Iterable[str], trust: bool) -> dict[str, Row]:
+    """Return the arguments of `load_policy` for external policies by name, from NAME=FILE or NAME=MODULE:OBJECT.
+
+    Raises:
+        ValueError: for another form, for the name of a built-in agent, and for a zip without trust.
+    """
+    found: dict[str, Row] = {}
+    for argument in arguments:
+        name, equals, source = argument.partition("=")
+        if not (name and equals and source):
+            raise ValueError(f"a policy is given as NAME=ZIP or NAME=MODULE:OBJECT, got {argument!r}")
+        if name in AGENTS or not name.replace("-", "").replace("_", "").isalnum():
+            taken = ", ".join(AGENTS)
+            raise ValueError(f"{name!r} cannot be a policy's name: use letters, digits, - and _, and none of {taken}")
+        check_policy_name(source)
+        if source.endswith(ZIP):
+            archive.admit(source, trust)
+        found[name] = {"name": source, "trust": trust}
+    return found
 
 
 SUITES = {

@@ -60,7 +60,7 @@ def benchmark(
     """
     from experiments.benchmark.leaderboard import Leaderboard, score_table
     from experiments.benchmark.run import run
-    from experiments.benchmark.submission import named_policies
+    from experiments.benchmark.suite import named_policies
     from experiments.report.page import write
 
     if full and study:
@@ -86,7 +86,7 @@ def benchmark(
         raise typer.Exit(1)
 
 
-def adapted_suite(name: str, policies: dict[str, str], timeout: float, seeds: int | None, small: bool) -> Suite:
+def adapted_suite(name: str, policies: dict[str, Row], timeout: float, seeds: int | None, small: bool) -> Suite:
     """Return a suite by its name, with own policies and their time limit [s], other seeds, or small sizes."""
     from experiments.benchmark.suite import SMOKE_SUITE, SUITES
     from experiments.recipes.run_spec import SMOKE

@@ -2,49 +2,77 @@
 
 from __future__ import annotations
 
+from math import isnan, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import pandas as pd
 import typer
 from rich.progress import Progress
+from rich.text import Text
 
 import flatgym
 from experiments.cli.options import AsJson, Timeout, Trust
 from experiments.files import cache_folder
-from experiments.formats import percent
-from experiments.terminal import cell, command_line, messages, progress_bar, show, table
+from experiments.terminal import cell, command_line, messages, paragraph, progress_bar, show, table
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.reference import EVALUATION_SEED
 
 if TYPE_CHECKING:
-    from experiments.benchmark.submission import Submission
+    from experiments.scoring.submission import Submission
 
 COMPARED_WITH = ("pretrained", "expert", "open-loop", "pd")
 """Agents beside the policy in its report."""
+STATISTICS = (
+    "Steps, K* and gap are interquartile means over the episodes that reached the goal. Brackets hold 95 % bootstrap "
+    "intervals over the episodes."
+)
 EXAMPLES = (
     "Example: flatquad evaluate my_policy.zip --scenario hoop --trust --report mine.html; "
-    "flatquad evaluate my_module:policy --scenario random-goal; flatquad evaluate --pretrained hoop"
+    "flatquad evaluate my_policy.onnx --scenario hoop; flatquad evaluate my_module:policy --scenario random-goal; "
+    "flatquad evaluate --pretrained hoop"
 )
 
 
 def evaluate(
     policy: Annotated[
-        str, typer.Argument(help="A policy's zip, which needs --trust; or module:object.", show_default=False)
+        str,
+        typer.Argument(
+            help="A zip of Stable-Baselines3, which needs --trust; a TorchScript or ONNX file; or module:object.",
+            show_default=False,
+        ),
     ] = "",
     scenario: Annotated[
         str, typer.Option(help="Name of a scenario or distribution.", show_default="the policy's own")
     ] = "",
     pretrained: Annotated[str, typer.Option(help="Name of a pretrained policy.", show_default=False)] = "",
     agent: Annotated[
-        str, typer.Option(help="expert: LQR around a K* flight; or pd: cascaded PD controller.", show_default=False)
+        str,
+        typer.Option(
+            help="expert: LQR around a flight in few steps with a margin to the hoops; expert-no-margin: around the K* "
+            "flight; or pd: cascaded PD controller.",
+            show_default=False,
+        ),
     ] = "",
-    episodes: Annotated[int, typer.Option(min=1, help="Number of episodes.")] = 100,
+    episodes: Annotated[
+        int | None,
+        typer.Option(min=1, help="Number of episodes.", show_default="of the protocol: 1, 1000, 300, or 100"),
+    ] = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the first episode; training uses smaller ones.")
     ] = EVALUATION_SEED,
     trust: Trust = False,
+    normalize: Annotated[
+        str,
+        typer.Option(help="File of VecNormalize statistics; needs --trust.", show_default="the one beside the zip"),
+    ] = "",
+    algorithm: Annotated[
+        str, typer.Option(help="Algorithm of the zip, if it does not show it.", show_default=False)
+    ] = "",
     timeout: Timeout = 300.0,
+    k_star_time: Annotated[
+        float, typer.Option(min=0.0, help="Time limit for computing K* of a task of your own, in seconds.")
+    ] = 60.0,
     report: Annotated[
         Path | None,
         typer.Option(help="Also write a page that compares the policy with ours.", show_default=False),
@@ -64,43 +92,49 @@ def evaluate(
 ) -> None:
     """Score a policy, yours or ours: success rate, steps, and the gap to K*, the fewest steps possible.
 
-    Your policy is a Stable-Baselines3 zip or any object with predict(observations). It runs in a process of its own and
-    may crash or hang.
+    Your policy is a Stable-Baselines3 zip, a TorchScript or ONNX file, or any object with predict(observations). It
+    runs in a process of its own and may crash or hang.
     """
-    from experiments.benchmark import submission
+    from experiments.scoring.score import record, score
+    from experiments.scoring.submission import Submission
 
-    submitted = submission.Submission(
-        policy, pretrained, agent, scenario, trust, episodes, seed,
+    submitted = Submission(
+        policy, pretrained, agent, scenario, trust, normalize, algorithm, episodes, seed,
         flatgym.Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise),
     )  # fmt: skip
     with progress_bar() as bar:
         bar.add_task("episodes", total=None, note="")
-        if out is None:
-            row = submission.score(submitted, cache_folder(), timeout) | {"command": command_line()}
-        else:
-            row = submission.record(submitted, cache_folder(), timeout, out, command_line())
-        if report is not None:
-            page = write_page(submitted, report, command=command_line(), timeout=timeout, bar=bar)
+        scored = score(submitted, cache_folder(), timeout, k_star_time, check=out is None)
+        if out is not None:
+            record(submitted, scored, out, command_line())
+    row = scored.row | {"command": command_line()}
     if as_json:
         show(pd.DataFrame([row]), as_json)
     else:
         head = ["task", "agent", "episodes", "success", "steps", "K*", "gap to K*", "outcomes"]
         table("Score", head, [score_cells(row)], optional=("episodes", "K*", "steps"))
-    if report is not None:
-        messages.print(f"report: {page.resolve()}", soft_wrap=True)
+        if row["episodes"] > 1:
+            paragraph(STATISTICS)
+    for note in scored.notes:
+        messages.print(Text.assemble(("note: ", "bold yellow"), note), soft_wrap=True)
     if out is not None:
         messages.print(f"flights: {out.resolve()}", soft_wrap=True)
+    if report is not None:
+        with progress_bar() as bar:
+            page = write_page(submitted, report, command=command_line(), timeout=timeout, bar=bar)
+        messages.print(f"report: {page.resolve()}", soft_wrap=True)
 
 
 def score_cells(row: dict[str, Any]) -> list[str]:
-    """Return the cells of a score."""
-    from experiments.benchmark.formats import format_percent
+    """Return the cells of a score row as JSON holds it."""
+    from experiments.benchmark.formats import format_gap, format_success
 
+    known = {key: nan if row[key] is None else row[key] for key in ("steps", "k_star", "gap", "gap_low", "gap_high")}
     return [
         *(cell(row[key]) for key in ("scenario", "agent", "episodes")),
-        format_percent(row["success_rate"]),
-        *("-" if pd.isna(row[key]) else f"{row[key]:.4g}" for key in ("steps", "k_star")),
-        "-" if pd.isna(row["gap"]) else percent(row["gap"], sign="+"),
+        format_success(row),
+        *("-" if isnan(known[key]) else f"{known[key]:.4g}" for key in ("steps", "k_star")),
+        format_gap(known),
         ", ".join(f"{word} {count}" for word, count in row["outcomes"].items()),
     ]
 
@@ -127,7 +161,7 @@ def write_page(submission: Submission, path: Path, *, command: str, timeout: flo
     suite = Suite(
         "submission",
         {problem: others},
-        policies={submission.name: submission.policy} if submission.policy else {},
+        policies={submission.name: submission.arguments} if submission.policy else {},
         timeout=timeout,
     )
     results = run(suite, path.with_suffix(""), command=command, bar=bar)

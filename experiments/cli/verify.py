@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from experiments.cli.evaluate import CACHE
 from experiments.cli.options import AsJson, Timeout, Trust
+from experiments.files import cache_folder
 from experiments.terminal import progress_bar, show_record
 
 EXAMPLES = (
@@ -38,10 +38,10 @@ def verify(
     The answer is verified; fragile, where a flight depends on rounding; or refused, with the reason. The exit status is
     0, 1 or 2.
     """
-    from experiments.benchmark.verify_file import verify_file
+    from experiments.scoring.verify_file import verify_file
 
     with progress_bar() as bar:
         bar.add_task(f"verifying {file.name}", total=None, note="")
-        row = verify_file(file, CACHE, policy, trust, timeout)
+        row = verify_file(file, cache_folder(), policy, trust, timeout)
     show_record(row, as_json, row["verdict"].capitalize())
     raise typer.Exit(STATUS[row["verdict"]])

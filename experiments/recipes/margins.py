@@ -6,11 +6,13 @@ A policy that imitates such a flight may deviate a little and still pass.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 from flatgym.scenarios.reference import reference
 from flatgym.scenarios.scenario import Hoop, Scenario
+from optimal.batch import fewest_steps_many
 from optimal.direct.shooting import WINDINGS
-from optimal.discrete.fewest_steps import FewestSteps, fewest_steps
+from optimal.discrete.fewest_steps import FewestSteps
 
 HOOP_MARGINS = {"hoop": 0.3, "high-hoop": 0.08, "slalom": 0.02, "loop": 0.03}
 """By how much hoop diameters are reduced for planning [m], by scenario. A larger margin would cost steps."""
@@ -40,9 +42,14 @@ def with_margins(scenario: Scenario) -> Scenario:
     return replace(tightened, hoops=tightened.hoops + GUIDE_HOOPS.get(known.scenario, ()))
 
 
-def robust_flight(scenario: Scenario) -> FewestSteps:
-    """Return the expert flight of a scenario, with margins; of a named one with the windings of the best known."""
+def robust_flight(scenario: Scenario, store: Path | None = None) -> FewestSteps:
+    """Return the expert flight of a scenario, with margins; of a named one with the windings of the best known.
+
+    `store` is a folder of flights that have been planned.
+    """
     known = reference(scenario)
     windings = WINDINGS if known is None else (known.winding,)
-    flight = fewest_steps(with_margins(scenario), windings=windings, time_budget=0.0)
-    return replace(flight, scenario=scenario)
+    planned = fewest_steps_many(
+        [with_margins(scenario)], jobs=1, store=store, progress=False, windings=windings, time_budget=0.0
+    )
+    return replace(planned[0], scenario=scenario)

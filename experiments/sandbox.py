@@ -1,6 +1,6 @@
 """External code in a process of its own: it may print, hang, exit or crash without harm to the caller.
 
-    run_isolated("experiments.benchmark.submission:score_fields", fields, None, seconds=60.0)
+    run_isolated("experiments.scoring.submission:fly_fields", fields, None, seconds=60.0)
 
 The function is named by its module; arguments and result are JSON. The child process sends two lines through a pipe:
 the first when all is imported, the second with the result. What external code prints goes to standard error.
@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -20,7 +22,7 @@ from typing import IO, Any
 
 IMPORT_TIMEOUT = 120.0
 """Time limit for the imports of a new process [s]; they are slow on a busy machine."""
-MAIN = "from experiments.benchmark.sandbox import main; main()"
+MAIN = "from experiments.sandbox import main; main()"
 Lines = SimpleQueue[str | None]
 
 
@@ -42,7 +44,9 @@ def run_isolated(function: str, *arguments: Any, seconds: float, home: Path | No
     """
     # -P: modules in the working directory do not replace installed ones.
     command = [sys.executable, "-P", "-c", MAIN, json.dumps([function, arguments])]
-    process = subprocess.Popen(command, cwd=home, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, cwd=home, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )  # a session of its own: Ctrl-C is for the caller, which ends this process
     lines: Lines = SimpleQueue()
     Thread(target=_read, args=(process.stdout, lines), daemon=True).start()
     try:
@@ -52,7 +56,8 @@ def run_isolated(function: str, *arguments: Any, seconds: float, home: Path | No
     except (Empty, subprocess.TimeoutExpired):
         raise Failed(f"no answer within {seconds:g} s; --timeout grants more") from None
     finally:
-        process.kill()
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # with the workers that it may have started
         process.wait()
     if not answer:
         raise Failed(f"its process ended without an answer, with exit code {process.returncode}")

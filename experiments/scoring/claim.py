@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.policies.fingerprint import LENGTH, is_fingerprint
-from experiments.benchmark.score_file import ENVIRONMENT, KIND, SCHEMA, decode
 from experiments.files import Row
-from flatgym.scenarios import catalogue
+from experiments.scoring.score_file import ENVIRONMENT, KIND, SCHEMA, decode
 from flatgym.scenarios.catalogue import SCENARIOS, Problem
 from flatgym.scenarios.distributions import DISTRIBUTIONS
 from flatgym.scenarios.disturbances import Disturbances
+from flatgym.scenarios.files import from_dict
 from flatgym.task.scene import OUTCOMES
 
 NAMES_SHOWN = 3
@@ -108,7 +108,7 @@ def read(content: Mapping[str, Any]) -> Claim:
 def _problem(data: Row, digest: str) -> Problem:
     """Return the scenario or distribution; one that bears a known name must be that one."""
     try:
-        problem = catalogue.from_dict(data)
+        problem = from_dict(data)
     except (ValueError, TypeError) as error:
         raise Refused(f"its problem is not valid: {error}") from None
     known: Problem | None = (SCENARIOS | DISTRIBUTIONS).get(problem.name)

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from agents.evaluation.replay import FLEETS, Replay, replay
 from agents.evaluation.scores import flight_rows
 from agents.policies.fingerprint import fingerprint
-from experiments.benchmark.claim import NAMES_SHOWN, Claim, Refused, read
-from experiments.benchmark.score_file import checksum, scored
 from experiments.files import Row
+from experiments.scoring.claim import NAMES_SHOWN, Claim, Refused, read
+from experiments.scoring.score_file import checksum, scored
 from flatgym import __version__
 from flatgym.scenarios.reference import k_star_digest
 
@@ -34,7 +34,7 @@ SAME = 1e-9
 """Largest relative difference of a recomputed number from the claimed one."""
 SAME_ACTION = 1e-4
 """Largest difference of the actions of a policy from the recorded ones; another machine rounds networks differently."""
-NOT_COMPUTED = ("agent", "algorithm", "env_steps", "wall_time_s", "command", "versions", "proven")
+NOT_COMPUTED = ("agent", "algorithm", "env_steps", "wall_time_s", "command", "versions", "proven", "fingerprint")
 """Columns of a score that do not follow from the flights; `proven` may have become true."""
 
 

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from experiments.benchmark.sandbox import Failed, run_isolated
+from experiments.sandbox import Failed, run_isolated
 
 
 def test_a_result_comes_back():

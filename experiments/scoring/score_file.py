@@ -9,7 +9,7 @@ Flight i has the seed score.seed + i. Its actions are the little-endian float32 
 base64, exact and half the size of decimals: 1,000 flights to random goals take 0.8 MB.
 
 The checksum finds damage. Whoever forges a file can write a new checksum too; what proves a score is the replay
-(`experiments.benchmark.verification`).
+(`experiments.scoring.verification`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from agents.evaluation.bootstrap import summary
 from agents.evaluation.scores import score_row
 from experiments.files import Row, plain
 from flatgym.files import write_text
@@ -37,15 +36,11 @@ from flatgym.scenarios.reference import k_star_digest
 
 KIND, SCHEMA, ENVIRONMENT = "flatquad-score", 1, "FlatQuad-v0"
 """Kind of file, version of its format, and version of the environment."""
-INTERVALS = ("success_low", "success_high", "gap_low", "gap_high")
-"""Columns of the score beside those of a score row: bootstrap intervals."""
 
 
 def scored(rows: pd.DataFrame, seed: int, disturbances: Disturbances, **columns: Any) -> Row:
     """Return the score of flights with its intervals, computed from one row each as in `agents.episode_rows`."""
-    row = dict(score_row(rows, seed, disturbances, **columns).iloc[0])
-    spread = dict(summary(rows, by=("scenario",)).iloc[0])
-    found: Row = plain(row | {name: spread[name] for name in INTERVALS})
+    found: Row = plain(dict(score_row(rows, seed, disturbances, **columns).iloc[0]))
     return found
 
 

@@ -9,11 +9,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-from experiments.benchmark import claim as claims
-from experiments.benchmark.score_file import decode
-from experiments.benchmark.submission import Submission, score
-from experiments.benchmark.verification import Verdict, Verification, check_actions, check_fingerprint, verify
 from experiments.files import Row
+from experiments.scoring import claim as claims
+from experiments.scoring.score import fly_submission
+from experiments.scoring.submission import Submission
+from experiments.scoring.verification import Verdict, Verification, check_actions, check_fingerprint, verify
 
 SHOWN = ("scenario", "agent", "episodes", "success_rate", *("success_low", "success_high"), "steps", "k_star", "proven",
          "gap", "gap_low", "gap_high", "outcomes", "disturbances")  # fmt: skip
@@ -62,8 +62,7 @@ def _with_policy(
     )
     try:
         check_fingerprint(claim, policy)
-        flown = score(submission, store, timeout, record=True)["flights"]
-        check_actions(claim, policy, [decode(flight["actions"]) for flight in flown])
+        check_actions(claim, policy, fly_submission(submission, store, timeout).actions)
     except claims.Refused as refused:
         return Verification(Verdict.REFUSED, f"Refused: {refused}.")
     return Verification(found.verdict, f"{found.reason} {policy} flies the same actions.", found.score)

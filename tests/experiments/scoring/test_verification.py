@@ -13,11 +13,12 @@ import pytest
 from agents.controllers.cascaded_pd import CascadedPD
 from agents.evaluation.scores import evaluate
 from agents.policies.archive import PRETRAINED
-from experiments.benchmark import claim, score_file, verification
-from experiments.benchmark.score_file import checksum, decode, encode
-from experiments.benchmark.submission import Submission, record
-from experiments.benchmark.verification import MARGIN, Verdict, replayed, same, verify
-from experiments.benchmark.verify_file import verify_file
+from experiments.scoring import claim, score_file, verification
+from experiments.scoring.score import record, score
+from experiments.scoring.score_file import checksum, decode, encode
+from experiments.scoring.submission import Submission
+from experiments.scoring.verification import MARGIN, Verdict, replayed, same, verify
+from experiments.scoring.verify_file import verify_file
 from flatgym import SCENARIOS, Disturbances, Quadrotor
 from flatgym.scenarios.reference import EVALUATION_SEED, ghost_states, k_star_digest, reference
 from tests.experiments.cli.shell import flatquad
@@ -35,7 +36,8 @@ def folder(tmp_path_factory):
 def written(folder, name, **fields):
     """Write a score file and return its path."""
     path = folder / f"{name}.json"
-    record(Submission(**fields), None, 60.0, path, "flatquad evaluate")
+    submission = Submission(**fields)
+    record(submission, score(submission, None, 60.0, check=False), path, "flatquad evaluate")
     return path
 
 
@@ -272,7 +274,7 @@ def command(monkeypatch, capsys, *arguments):
     return status, (json.loads(out)[0] if out else None), err
 
 
-def test_the_policy_is_compared_by_file_and_by_flight(monkeypatch, capsys, hoop, tmp_path):
+def test_the_policy_is_compared_by_file_and_by_flight(monkeypatch, capsys, hoop):
     zipped = PRETRAINED / "hoop.zip"
     status, row, _ = command(monkeypatch, capsys, hoop, "--policy", zipped)
     assert (status, row["verdict"]) == (0, "verified")

@@ -1,0 +1,1 @@
+"""Scores of single policies: a submission is flown and scored, written to a file, and verified from it."""
