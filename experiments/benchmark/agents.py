@@ -28,8 +28,8 @@ def display_name(agent: str) -> str:
 
 
 def table_position(agent: str) -> int:
-    """Return the position of an agent in the tables; external policies come last."""
-    return list(NAMES).index(agent) if agent in NAMES else len(NAMES)
+    """Return the position of an agent in the tables; external policies come first."""
+    return list(NAMES).index(agent) if agent in NAMES else -1
 
 
 def colour(agent: str) -> str:

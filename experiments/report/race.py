@@ -8,7 +8,7 @@ the control of that step; nothing is interpolated.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from agents import policies
 from agents.controllers.cascaded_pd import CascadedPD
 from agents.evaluation.rollouts import fly
-from experiments.benchmark.agents import NAMES, display_name
+from experiments.benchmark.agents import NAMES, display_name, table_position
 from experiments.benchmark.tasks import scenarios_of
 from experiments.files import Row
 from flatgym.quadrotor import Array
@@ -99,12 +99,29 @@ def races(results: Row) -> dict[str, Any]:
             "k_star": best.k_star,
             "proof": proof_text(name, best),
             "entries": [entry.to_dict() for entry in entries],
-            "second": next((i for i, entry in enumerate(entries) if i and entry.gap), len(entries) - 1),
+            "second": opponent(results, name, entries),
         }
     flown = {cell["problem"] for cell in results["cells"]}
     names = (DEFAULT_SCENARIO, *scenarios)
     first = next((name for name in names if name in flown & set(scenarios)), next(iter(scenarios), None))
     return {"first": first, "scenarios": scenarios}
+
+
+def opponent(results: Row, name: str, entries: Sequence[RaceEntry]) -> int:
+    """Return the index of the entry that is shown beside the best-known flight: an external policy, if one has flown.
+
+    Otherwise it is the first that is slower than K*, because two equal flights are no race.
+    """
+    cells = flown_cells(results, name)
+    if cells and cells[0]["agent"] not in NAMES:
+        return 1
+    return next((i for i, entry in enumerate(entries) if i and entry.gap), len(entries) - 1)
+
+
+def flown_cells(results: Row, name: str) -> list[Row]:
+    """Return the cells of a scenario that hold a flight, in the order of the tables."""
+    cells = [cell for cell in results["cells"] if cell["problem"] == name and cell.get("actions")]
+    return sorted(cells, key=lambda cell: table_position(cell["agent"]))
 
 
 def agent_actions(results: Row, name: str, scenario: Scenario) -> Iterator[tuple[str, ArrayLike]]:
@@ -115,7 +132,7 @@ def agent_actions(results: Row, name: str, scenario: Scenario) -> Iterator[tuple
         name: the scenario's label.
         scenario: the scenario.
     """
-    cells = [cell for cell in results["cells"] if cell["problem"] == name and cell.get("actions")]
+    cells = flown_cells(results, name)
     runs = Counter(cell["agent"] for cell in cells)
     for cell in cells:
         seed = f", seed {cell['seed']}" if runs[cell["agent"]] > 1 else ""

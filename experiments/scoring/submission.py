@@ -73,6 +73,8 @@ class Submission:
             check_policy_name(self.policy)
         elif self.normalize or self.algorithm:
             raise ValueError("--normalize and --algorithm are for a policy of your own, and none is named")
+        if self.normalize and not Path(self.normalize).is_file():
+            raise ValueError(f"there are no statistics of VecNormalize at {self.normalize}")
         catalogue.problem(self.problem)
 
     @property

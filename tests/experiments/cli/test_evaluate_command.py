@@ -1,13 +1,21 @@
 """`flatquad evaluate`: one score row for any policy."""
 
 import json
+import math
+import re
+import time
 from importlib import import_module
 
 import pytest
 from typer.testing import CliRunner
 
 from agents.evaluation.scores import COLUMNS
+from agents.policies import archive
+from agents.policies.fingerprint import fingerprint
 from experiments.cli import app
+from experiments.cli import evaluate as command
+from experiments.scoring import score
+from flatgym import Hoop, Scenario
 from flatgym.scenarios.reference import EVALUATION_SEED
 from tests.experiments.cli.shell import flatquad
 
@@ -78,9 +86,13 @@ def test_a_policy_is_scored_on_the_scenario_it_was_trained_on(monkeypatch, capsy
         ((), "name one policy to score"),
         (("a.zip", "--agent", "pd"), "name one policy to score"),
         (("--agent", "pd"), "give --scenario"),
-        (("--agent", "dp", "--scenario", "hoop"), "unknown agent 'dp'; known: expert, pd"),
+        (("--agent", "dp", "--scenario", "hoop"), "unknown agent 'dp'; known: expert, expert-no-margin, pd"),
         (("--agent", "pd", "--scenario", "hop"), "did you mean 'hoop'"),
         (("--agent", "expert", "--scenario", "random-goal"), "'random-goal' is a distribution"),
+        (("--pretrained", "hoop", "--normalize", "a.pkl"), "--normalize and --algorithm are for a policy of your own"),
+        (("mine.py", "--scenario", "hoop"), "mine.py is a Python file: name the policy in it"),
+        (("mine", "--scenario", "hoop"), "'mine' is neither a file of a policy"),
+        (("a.pt",), "a.pt does not name its scenario: give --scenario"),
         (("--pretrained", "nobody"), "unknown pretrained policy 'nobody'"),
         (("--agent", "pd", "--scenario", "hoop", "--mass", "2"), "Disturbances.mass must be below 1"),
     ],
@@ -119,13 +131,133 @@ def test_a_policy_of_ones_own_is_scored_and_compared_with_ours(monkeypatch, caps
     assert "Mine" in (tmp_path / "mine.html").read_text()
 
 
+def scored(monkeypatch, capsys, *arguments):
+    """Return the row and the notes of `flatquad evaluate --json`."""
+    status, out, err = evaluate(monkeypatch, capsys, *arguments, "--json")
+    assert status == 0, err
+    return json.loads(out)[0], err
+
+
+@pytest.mark.parametrize(("problem", "episodes"), [("hoop", 1), ("random-hoops", 300), ("random-track", 100)])
+def test_the_episodes_are_those_of_the_protocol(monkeypatch, capsys, problem, episodes):
+    row, _ = scored(monkeypatch, capsys, "--agent", "pd", "--scenario", problem, "--k-star-time", "0")
+    assert row["episodes"] == sum(row["outcomes"].values()) == episodes
+
+
+def test_numbers_are_percent_with_intervals_and_say_what_mean_they_are(monkeypatch, capsys):
+    arguments = ("--agent", "pd", "--scenario", "random-goal", "--episodes", "50")
+    row, _ = scored(monkeypatch, capsys, *arguments)
+    _, out, _ = evaluate(monkeypatch, capsys, *arguments)
+    low, high = (f"{100 * row[key]:.1f}" for key in ("gap_low", "gap_high"))
+    assert f"{100 * row['gap']:+.1f} %" in out
+    assert f"[{low}, {high}]" in out
+    assert "100 %" in out
+    assert "interquartile means" in out
+    _, single, _ = evaluate(monkeypatch, capsys, "--pretrained", "hoop")
+    assert ("100 %" in single, "+0.0 %" in single, "interquartile" in single) == (True, True, False)
+
+
+def test_json_holds_the_fingerprint_and_the_time(monkeypatch, capsys):
+    row, _ = scored(monkeypatch, capsys, "--pretrained", "hoop")
+    assert row["fingerprint"] == fingerprint(archive.PRETRAINED / "hoop.zip")
+    assert row["wall_time_s"] > 0
+    assert row["algorithm"] == "PPO"
+
+
+def test_seeds_of_training_are_warned_of(monkeypatch, capsys):
+    arguments = ("--agent", "pd", "--scenario", "random-goal", "--episodes", "2", "--k-star-time", "0")
+    assert "note: seeds below 1,000,000 are for training" in scored(monkeypatch, capsys, *arguments, "--seed", "7")[1]
+    assert "seeds below" not in scored(monkeypatch, capsys, *arguments)[1]
+
+
+BACK = Scenario("back", (0, 0), (5, 0), (Hoop(3, 0, 1, math.pi),))
+OPEN = Scenario("open", (0, 0), (2, 0))
+
+
+def test_a_score_neither_waits_for_k_star_nor_is_lost_without_it(monkeypatch, capsys):
+    began = time.perf_counter()
+    row, err = scored(monkeypatch, capsys, "--agent", "pd", "--scenario", OPEN.to_json(), "--k-star-time", "0.05")
+    assert time.perf_counter() - began < 60
+    assert (row["success_rate"], row["k_star"], row["gap"]) == (1.0, None, None)
+    assert row["steps"] > 0
+    assert "K* was not found within 0.05 s, and is left out of the gap; --k-star-time grants more" in err
+    _, out, _ = evaluate(monkeypatch, capsys, "--agent", "pd", "--scenario", OPEN.to_json(), "--k-star-time", "0")
+    assert re.search(r"100 % +\d+ +- +- +goal 1", out)
+
+
+def test_a_failed_flight_does_not_ask_for_k_star(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fall_flatquad.py").write_text("def policy(seen):\n    return seen[:, :2] * 0 - 1\n")
+    monkeypatch.setattr(score, "find_k_star", None)
+    row, err = scored(monkeypatch, capsys, "fall_flatquad:policy", "--scenario", BACK.to_json())
+    assert (row["success_rate"], row["k_star"], row["gap"]) == (0.0, None, None)
+    assert "K*" not in err
+
+
+def test_k_star_of_a_task_of_ones_own_is_computed_once(monkeypatch, capsys):
+    arguments = ("--agent", "pd", "--scenario", OPEN.to_json())
+    first, err = scored(monkeypatch, capsys, *arguments)
+    assert first["k_star"] > 0
+    assert first["gap"] == pytest.approx(first["steps"] / first["k_star"] - 1)
+    assert "K*" not in err
+    again, _ = scored(monkeypatch, capsys, *arguments, "--k-star-time", "0")
+    assert again["k_star"] == first["k_star"]
+
+
+def test_the_expert_is_that_of_the_benchmark(monkeypatch, capsys):
+    wind = ("--scenario", "hoop", "--wind", "0.5", "--episodes", "40")
+    with_margin, _ = scored(monkeypatch, capsys, "--agent", "expert", *wind)
+    without, _ = scored(monkeypatch, capsys, "--agent", "expert-no-margin", *wind)
+    assert with_margin["success_rate"] > 0.8 > 0.6 > without["success_rate"]
+
+
+def test_a_normalised_model_brings_its_statistics(monkeypatch, capsys, tmp_path):
+    from stable_baselines3 import SAC
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    from agents.training.vec_env import make_vec_env
+
+    monkeypatch.chdir(tmp_path)
+    envs = VecNormalize(make_vec_env("random-goal", 4))
+    model = SAC("MlpPolicy", envs, device="cpu", buffer_size=200, learning_starts=1000, seed=0).learn(80)
+    model.save("sac.zip")
+    envs.save("elsewhere.pkl")
+    arguments = ("sac.zip", "--scenario", "hoop", "--trust")
+    row, err = scored(monkeypatch, capsys, *arguments)
+    assert "note: sac.zip seems to have been trained under VecNormalize" in err
+    assert row["algorithm"] == "SAC"
+    _, err = scored(monkeypatch, capsys, *arguments, "--normalize", "elsewhere.pkl")
+    assert "note" not in err
+    status, _, err = evaluate(monkeypatch, capsys, *arguments, "--normalize", "nowhere.pkl")
+    assert (status, "no statistics of VecNormalize at nowhere.pkl" in err) == (2, True)
+
+
+def test_a_score_is_printed_before_its_page_is_made(monkeypatch, capsys, tmp_path):
+    def broken(*_, **__):
+        raise OSError("no space left for the page")
+
+    monkeypatch.setattr(command, "write_page", broken)
+    arguments = ("--agent", "pd", "--scenario", "hoop", "--report", str(tmp_path / "mine.html"))
+    status, out, err = evaluate(monkeypatch, capsys, *arguments)
+    assert status == 1
+    assert "+52.9 %" in out
+    assert "no space left for the page" in err
+
+
 @pytest.mark.parametrize(
     ("body", "words"),
     [
         ("return 1 / 0", "PolicyFailed: hostile:policy failed: ZeroDivisionError: division by zero"),
-        ("return observation[:, :3]", "hostile:policy returned actions of shape (100, 3)"),
-        ("return observation[:, :2] * float('nan')", "must be finite"),
+        (
+            "return observation[:, :3]",
+            "hostile:policy returned actions of shape (1, 3) for 1 observations; wanted (1, 2)",
+        ),
+        (
+            "return observation[:, :2] * float('nan')",
+            "returned the action [nan, nan] for observation 0 of 1; both numbers must be finite",
+        ),
         ("while True: pass", "no answer within 5 s; --timeout grants more"),
+        ("import torch; return torch.ones(2)[:, None, None]", "returned actions of shape (2, 1, 1)"),
         ("import os; os._exit(3)", "ended without an answer, with exit code 3"),
     ],
 )

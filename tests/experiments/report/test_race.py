@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from experiments.benchmark.agents import NAMES
 from experiments.report import race
 from flatgym import SCENARIOS, Quadrotor
 from flatgym.scenarios.reference import reference
@@ -42,6 +43,17 @@ def test_an_entry_ends_with_its_episode():
     assert "floor after" in other.result()
 
 
+def test_a_policy_of_ones_own_comes_first_and_is_preselected(benchmark):
+    cells = benchmark["cells"]
+    ours = [cell for cell in cells if cell["agent"] in NAMES]
+    own = [cell for cell in cells if cell["agent"] == "mine" and cell.get("actions")]
+    for order in ([*ours, *own], [*own, *ours]):
+        hoop = race.races(benchmark | {"cells": order})["scenarios"]["hoop"]
+        assert hoop["entries"][hoop["second"]]["name"] == hoop["entries"][1]["name"] == "mine"
+    hoop = race.races(benchmark | {"cells": ours})["scenarios"]["hoop"]
+    assert hoop["entries"][hoop["second"]]["gap"] > 0
+
+
 @pytest.mark.parametrize("actions", [[], [[0.0]], [[0.0, math.nan]], [0.0, 0.0]])
 def test_actions_that_cannot_be_flown_are_refused(actions):
     with pytest.raises(ValueError, match=r"actions of 'mine' in 'hoop' must be finite, of shape \(K, 2\)"):
@@ -57,6 +69,8 @@ def test_a_race_plays_and_scrubs_by_mouse_and_keyboard(tab):
     def picture():
         return scene.evaluate("canvas => canvas.toDataURL()")
 
+    assert tab.locator("#result-two").inner_text() == "goal in 70 steps, K* = 70, gap 0 %"  # the external policy
+    tab.select_option("#two", label="cascaded PD")
     assert tab.locator("#result-two").inner_text().startswith("goal in 107 steps, K* = 70, gap +52.9 %")
     before = picture()
     tab.keyboard.press("Tab")  # only focus by keyboard is outlined

@@ -20,6 +20,7 @@ from experiments.scoring.submission import Submission
 from experiments.scoring.verification import MARGIN, Verdict, replayed, same, verify
 from experiments.scoring.verify_file import verify_file
 from flatgym import SCENARIOS, Disturbances, Quadrotor
+from flatgym.scenarios.files import from_dict
 from flatgym.scenarios.reference import EVALUATION_SEED, ghost_states, k_star_digest, reference
 from tests.experiments.cli.shell import flatquad
 
@@ -216,7 +217,7 @@ def edge(content, short):
     score = content["score"] | {"scenario": "edge", "episodes": 1}
     parts = {"problem": problem, "flights": [flight], "score": score, "digest": None, "table": None}
     new = content | parts
-    new["digest"] = claim.catalogue.from_dict(problem).digest
+    new["digest"] = from_dict(problem).digest
     return signed(new)
 
 
