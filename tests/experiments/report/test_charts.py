@@ -21,7 +21,7 @@ def test_every_agent_has_a_row_in_the_gap_chart(benchmark):
     chart = gap_chart("hoop", rows)
     points, notes = chart.figure["data"][0]["y"], [note["text"] for note in chart.figure["layout"]["annotations"]]
     assert len(points) + len(notes) == len(rows)
-    assert notes == ["no success", "failed"]
+    assert notes == ["failed", "no success"]
 
 
 def test_unknown_k_star_and_conditions_are_shown(benchmark):
