@@ -22,6 +22,7 @@ require("optimal", "casadi", "joblib", "numba", "scipy")
 from optimal.discrete.fewest_steps import FewestSteps, fewest_steps
 from optimal.flights.certificate import Certificate, certify
 from optimal.flights.export import load, save
+from optimal.flights.hover import HoverAtGoal
 from optimal.flights.solution import Solution, SolveFailed, Status
 from optimal.flights.trajectory import Samples, Trajectory
 from optimal.minimum_time import solve
@@ -37,6 +38,7 @@ __all__ = [
     "Certificate",
     "Corridor",
     "FewestSteps",
+    "HoverAtGoal",
     "Proof",
     "Samples",
     "Solution",
