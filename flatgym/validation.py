@@ -23,7 +23,7 @@ def number(owner: str, name: str, value: Any) -> float:
         raise ValueError(f"{owner}.{name} must be finite, got {value!r}")
     if not -MAGNITUDE <= value <= MAGNITUDE:
         raise ValueError(f"{owner}.{name} must lie within {MAGNITUDE:g} of zero, got {value!r}")
-    return float(value)
+    return float(value) + 0.0  # +0 for -0, so that equal numbers have equal texts
 
 
 def positive(owner: str, name: str, value: Any) -> float:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
+import json
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
+from flatgym.scenarios.content import hint
 from flatgym.scenarios.distributions import DISTRIBUTIONS, Distribution
 from flatgym.scenarios.scenario import Hoop, Scenario
 from flatgym.scenarios.tracks import TRACKS
@@ -59,11 +60,27 @@ def problem(name: ProblemLike) -> Problem:
     if not isinstance(name, str):
         raise TypeError(f"expected the name of a scenario, a Scenario or a Distribution, got {name!r}")
     if name.startswith("{"):
-        return Scenario.from_json(name)
+        return from_json(name)
     known = SCENARIOS | DISTRIBUTIONS
     try:
         return known[name]
     except KeyError:
-        near = difflib.get_close_matches(name, known, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise ValueError(f"unknown scenario {name!r}; known: {', '.join(known)}{hint}") from None
+        raise ValueError(f"unknown scenario {name!r}; known: {', '.join(known)}{hint(name, known)}") from None
+
+
+def from_json(text: str) -> Problem:
+    """Return the scenario or distribution of a `to_json`; a ValueError for any other text."""
+    try:
+        data = json.loads(text)
+    except ValueError as error:
+        raise ValueError(f"not a scenario: {error}") from None
+    return from_dict(data)
+
+
+def from_dict(data: dict[str, Any]) -> Problem:
+    """Return the scenario or distribution of a `to_dict`: that of its `kind`, by default a scenario."""
+    kinds: dict[Any, type[Problem]] = {"scenario": Scenario, "distribution": Distribution}
+    kind = data.get("kind", "scenario") if isinstance(data, dict) else "scenario"
+    if not isinstance(kind, str) or kind not in kinds:
+        raise ValueError(f"unknown kind {kind!r}; known: {', '.join(kinds)}{hint(kind, kinds)}")
+    return kinds[kind].from_dict(data)

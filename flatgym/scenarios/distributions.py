@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from flatgym.quadrotor import Array, Quadrotor
+from flatgym.scenarios.content import Content, build, fields_of
 from flatgym.scenarios.counter_rng import SCENE, uniform
 from flatgym.scenarios.layouts import PER_HOOP, PLACED, uniforms_needed, write_scene
-from flatgym.scenarios.scenario import Hoop, Scenario, Tolerance, steps_within
+from flatgym.scenarios.scenario import Hoop, Scenario, Tolerance, build_parts, steps_within
 from flatgym.validation import number, pair, positive
 
 HOOPS_MOST = 8
@@ -22,7 +23,7 @@ HOOPS_MOST = 8
 
 
 @dataclass(frozen=True)
-class Distribution:
+class Distribution(Content):
     """Scenarios from the origin to a random goal, through a random number of hoops.
 
     With `leg`, the scenarios are tracks, and `half_width` and `aside` have no effect. Without, `bend` has none.
@@ -59,11 +60,13 @@ class Distribution:
 
     def __post_init__(self) -> None:
         owner = "Distribution"
-        for name in ("half_width", "least_distance"):
+        for name in ("half_width", "least_distance", "dt", "time_limit"):
             object.__setattr__(self, name, positive(owner, name, getattr(self, name)))
         for name in ("aside", "turn", "bend"):
             object.__setattr__(self, name, number(owner, name, getattr(self, name)))
-        for name, kind in (("name", str), ("quadrotor", Quadrotor), ("tolerance", Tolerance)):
+        if not isinstance(self.name, str) or not self.name:
+            raise ValueError(f"{owner}.name must be a non-empty string, got {self.name!r}")
+        for name, kind in (("quadrotor", Quadrotor), ("tolerance", Tolerance)):
             if not isinstance(getattr(self, name), kind):
                 raise ValueError(f"{owner}.{name} must be a {kind.__name__}, got {getattr(self, name)!r}")
         self._check_hoops()
@@ -74,6 +77,7 @@ class Distribution:
         low, high = pair("Distribution", "hoops", self.hoops)
         if not (isinstance(low, int) and isinstance(high, int) and 0 <= low <= high <= HOOPS_MOST):
             raise ValueError(f"Distribution.hoops must be two whole numbers 0 <= a <= b <= {HOOPS_MOST}: {self.hoops}")
+        object.__setattr__(self, "hoops", (int(low), int(high)))
         narrow, wide = (
             number("Distribution", "diameter", width) for width in pair("Distribution", "diameter", self.diameter)
         )
@@ -82,6 +86,7 @@ class Distribution:
                 f"Distribution.diameter must be two widths a <= b above twice the radius "
                 f"{self.quadrotor.radius} m, got {self.diameter}"
             )
+        object.__setattr__(self, "diameter", (narrow, wide))
         for name in ("turn", "bend"):
             if abs(getattr(self, name)) > math.pi:
                 raise ValueError(f"Distribution.{name} must lie within half a turn, pi, got {getattr(self, name)}")
@@ -92,6 +97,7 @@ class Distribution:
             short, long = (positive("Distribution", "leg", length) for length in pair("Distribution", "leg", self.leg))
             if not short <= long:
                 raise ValueError(f"Distribution.leg must be two lengths a <= b, got {self.leg}")
+            object.__setattr__(self, "leg", (short, long))
             if self.least_distance < self.diameter[1]:
                 raise ValueError(
                     f"Distribution.least_distance must be at least diameter[1] = {self.diameter[1]} m on tracks, so "
@@ -158,6 +164,16 @@ class Distribution:
             *(self.leg or (0.0, 0.0)),
             self.bend,
         )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all fields as dicts, lists, numbers and strings, ready for JSON; "kind" tells it from a scenario."""
+        return {"kind": "distribution"} | super().to_dict()
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Distribution:
+        """Return the distribution of a `to_dict`; errors as for the constructor, and as in `content.build`."""
+        values = fields_of(data, "distribution")
+        return build(cls, values | build_parts(values, "Distribution"), "Distribution")
 
 
 DISTRIBUTIONS = {

@@ -9,12 +9,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from flatgym.quadrotor import Array, Quadrotor
+from flatgym.scenarios.content import Content, build, fields_of
 from flatgym.validation import number, point, positive
 
 BOUNDS_MARGIN = 5.0
@@ -100,7 +101,7 @@ class Tolerance:
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(Content):
     """One task: rest to rest from start to goal, through hoops in order.
 
     Attributes:
@@ -240,26 +241,13 @@ class Scenario:
         hoops = (replace(hoop, diameter=width) for hoop, width in zip(self.hoops, widths, strict=True))
         return replace(self, hoops=tuple(hoops))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the scenario as dicts, lists, numbers and strings, ready for JSON."""
-        return json.loads(json.dumps(asdict(self)))
-
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> Scenario:
-        """Return the scenario of a `to_dict`; unknown keys raise a ValueError."""
-        try:
-            data = dict(data)
-            data["hoops"] = tuple(Hoop(**hoop) for hoop in data.get("hoops", ()))
-            for name, kind in (("quadrotor", Quadrotor), ("tolerance", Tolerance)):
-                if name in data:
-                    data[name] = kind(**data[name])
-            return cls(**data)
-        except TypeError as error:
-            raise ValueError(f"not a scenario: {error}") from None
-
-    def to_json(self) -> str:
-        """Return the scenario as JSON text."""
-        return json.dumps(self.to_dict())
+        """Return the scenario of a `to_dict`; errors as for the constructor, and as in `content.build`."""
+        values = fields_of(data, "scenario")
+        if isinstance(hoops := values.get("hoops", ()), (list, tuple)):
+            values["hoops"] = tuple(build(Hoop, hoop, f"Scenario.hoops[{i}]") for i, hoop in enumerate(hoops))
+        return build(cls, values | build_parts(values, "Scenario"), "Scenario")
 
     @classmethod
     def from_json(cls, text: str) -> Scenario:
@@ -269,3 +257,9 @@ class Scenario:
         except ValueError as error:
             raise ValueError(f"not a scenario: {error}") from None
         return cls.from_dict(data)
+
+
+def build_parts(values: dict[str, Any], owner: str) -> dict[str, Any]:
+    """Return quadrotor and tolerance of a `to_dict`, those that are there; errors as in `content.build`."""
+    kinds = {"quadrotor": Quadrotor, "tolerance": Tolerance}
+    return {name: build(kind, values[name], f"{owner}.{name}") for name, kind in kinds.items() if name in values}

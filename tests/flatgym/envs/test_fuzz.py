@@ -297,7 +297,11 @@ OWNERS = {
     "FlatQuadVectorEnv": (FlatQuadVectorEnv, {}, ["num_envs", "autoreset_mode", "max_episode_steps", "starts"]),
     "Starts": (Starts, {"state": np.zeros((2, 5))}, ["state", "hoops_passed", "share"]),
     **{
-        type(whole).__name__: (type(whole), whole.__dict__, [field.name for field in fields(whole)])
+        type(whole).__name__: (
+            type(whole),
+            {one.name: getattr(whole, one.name) for one in fields(whole)},
+            [one.name for one in fields(whole)],
+        )
         for whole in (plain, plain.hoops[0], plain.quadrotor, plain.tolerance, DISTRIBUTIONS["random-hoops"])
     },
 }
