@@ -1,9 +1,9 @@
 """Finished answers on disk, one file each; an interrupted batch resumes from them.
 
-A file is named by a hash of the question: the solver, its options, and the scenario. It is written under a temporary
-name and then renamed. It holds plain JSON and nothing executable: the answer, the version that computed it, and a
-checksum. Numbers are written in full; reading returns the same numbers to the bit. A damaged file is moved aside, never
-overwritten.
+A file is named by the digest of the scenario's content, and by a hash of the solver and its options. So a scenario has
+the same answers under any name. A file is written under a temporary name and then renamed. It holds plain JSON and
+nothing executable: the answer, the version that computed it, and a checksum. Numbers are written in full; reading
+returns the same numbers to the bit. A damaged file is moved aside, never overwritten.
 
 JSON has no infinities and no NaN. Here they are written as {"number": "inf"}, because an answer must read back to the
 same values. Result files for people and programs (`experiments.files.plain`) have null instead.
@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 import warnings
 from dataclasses import fields
 from pathlib import Path
@@ -48,9 +47,8 @@ class Store:
 
     def path(self, scenario: Scenario) -> Path:
         """Return the file of a scenario's answer."""
-        question = json.dumps([self.question, scenario.to_dict()], sort_keys=True)
-        name = re.sub(r"[^\w-]+", "_", scenario.name)[:40]
-        return self.folder / f"{name}-{hashlib.sha256(question.encode()).hexdigest()[:20]}.json"
+        question = hashlib.sha256(json.dumps(self.question, sort_keys=True).encode()).hexdigest()
+        return self.folder / f"{scenario.digest[:20]}-{question[:12]}.json"
 
     def read(self, scenario: Scenario) -> Answer | None:
         """Return a scenario's answer; None if there is no file, or if the file is damaged, which moves it aside."""
@@ -79,6 +77,17 @@ class Store:
         except OSError as error:
             message = f"{error.strerror}; earlier answers stay in the store: free some space and run again"
             raise OSError(error.errno, message, str(path)) from error
+
+
+def stored_answers(folder: str | Path, scenario: Scenario) -> list[Answer]:
+    """Return all readable answers for a scenario in a folder, whatever solver and options they come from."""
+    found = []
+    for path in sorted(Path(folder).glob(f"{scenario.digest[:20]}-*.json")):
+        try:
+            found.append(decoded(path.read_text(encoding="utf-8"), scenario))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            continue
+    return found
 
 
 def encoded(answer: Answer) -> str:
@@ -112,8 +121,9 @@ def decoded(text: str, scenario: Scenario) -> Answer:
     if data.get("sha256") != _checksum(body):
         raise ValueError("wrong checksum")
     values = {name: _value(name, value, scenario) for name, value in body["answer"].items()}
-    if values["scenario"] != scenario:
+    if values["scenario"].digest != scenario.digest:
         raise ValueError(f"it is the answer for {values['scenario']}")
+    values["scenario"] = scenario  # it may have another name
     return {"Solution": Solution, "FewestSteps": FewestSteps}[body["kind"]](**values)
 
 

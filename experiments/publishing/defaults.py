@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import ast
 import inspect
-import re
 from dataclasses import MISSING, Field, fields
 from itertools import pairwise
 from textwrap import dedent
 from typing import Any
 
-ENTRY = re.compile(r"^    ([\w, ]+): (.*)$")
-CONTINUATION = re.compile(r"^        +(.*)$")
+from flatgym.docstrings import listed
 
 
 def defaults(kind: type) -> str:
@@ -31,21 +29,8 @@ def attributes(kind: type) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for one in reversed(kind.__mro__[:-1]):
-        found |= listed(inspect.cleandoc(one.__doc__ or "")) | below(one)
+        found |= listed(one) | below(one)
     return {name: " ".join(text.split()).rstrip(".").replace("^2", "²") for name, text in found.items()}
-
-
-def listed(text: str) -> dict[str, str]:
-    """Return the entries of a docstring's section `Attributes:`."""
-    found: dict[str, str] = {}
-    names: list[str] = []
-    for line in (text + "\n\n").partition("Attributes:\n")[2].partition("\n\n")[0].splitlines():
-        if entry := ENTRY.match(line):
-            names = [name.strip() for name in entry[1].split(",")]
-            found |= dict.fromkeys(names, entry[2])
-        elif (more := CONTINUATION.match(line)) and names:
-            found |= dict.fromkeys(names, f"{found[names[0]]} {more[1]}")
-    return found
 
 
 def below(kind: type) -> dict[str, str]:

@@ -1,22 +1,25 @@
-"""The named scenarios of the benchmark, and the lookup by name."""
+"""The named scenarios of the benchmark, and the lookup by name or file."""
 
 from __future__ import annotations
 
-import json
+import os
+import re
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
-from flatgym.scenarios.content import hint
+from flatgym.scenarios.content import hint, parse_json
 from flatgym.scenarios.distributions import DISTRIBUTIONS, Distribution
+from flatgym.scenarios.files import SUFFIXES, from_dict, load
 from flatgym.scenarios.scenario import Hoop, Scenario
 from flatgym.scenarios.tracks import TRACKS
 
-ScenarioLike: TypeAlias = str | Scenario
-"""A name of SCENARIOS, a scenario as a JSON text, or a Scenario."""
+ScenarioLike: TypeAlias = str | os.PathLike[str] | Scenario
+"""A name, a TOML or JSON file, a scenario as a JSON text, or a Scenario."""
 Problem: TypeAlias = Scenario | Distribution
 """Tasks of an environment."""
-ProblemLike: TypeAlias = str | Problem
-"""A name of SCENARIOS or DISTRIBUTIONS, a scenario as a JSON text, a Scenario or a Distribution."""
+ProblemLike: TypeAlias = str | os.PathLike[str] | Problem
+"""A name, a TOML or JSON file, a task as a JSON text, a Scenario or a Distribution."""
 
 _NAMED = (
     *(Scenario(f"horizontal-{d}", (0.0, 0.0), (float(d), 0.0)) for d in (3, 6, 9, 12, 15)),
@@ -33,54 +36,75 @@ SCENARIOS = MappingProxyType({scenario.name: scenario for scenario in _NAMED})
 """The named scenarios, by name (read-only)."""
 
 DEFAULT_SCENARIO = "hoop"
+SAMPLE = re.compile(r"(.+)-(\d{1,18})-(\d{1,18})", re.ASCII)
+"""Name of a sample of a distribution: name, seed, episode."""
 
 
 def scenario(name: ScenarioLike) -> Scenario:
-    """Return the named scenario; a Scenario is returned as it is, a JSON text is parsed.
+    """Return a scenario by its name or from its file; a Scenario is returned as it is, a JSON text is parsed.
 
-    JSON texts let Gymnasium environment specifications, which must be plain data, hold any scenario.
+    Names are those of SCENARIOS, and NAME-SEED-EPISODE for a sample of a distribution, such as random-hoops-3-0. JSON
+    texts let Gymnasium environment specifications, which must be plain data, hold any scenario.
 
     Raises:
-        ValueError: for an unknown name, with the known names and the closest one, and for a distribution.
+        ValueError: for an unknown name, with the known names and the closest one, for a file that is missing or not a
+            scenario, and for a distribution.
         TypeError: for other types.
     """
     found = problem(name)
     if isinstance(found, Distribution):
         raise ValueError(
-            f"{found.name!r} is a distribution of scenarios; sample one: "
-            f"flatgym.DISTRIBUTIONS[{found.name!r}].scenario(seed, episode)"
+            f"{found.name!r} is a distribution of scenarios; sample one by its seed and the number of its episode, "
+            f"as Distribution.scenario(0, 0), or a named one as {next(iter(DISTRIBUTIONS))}-0-0"
         )
     return found
 
 
 def problem(name: ProblemLike) -> Problem:
-    """Return the named scenario or distribution; arguments and errors as for `scenario`."""
+    """Return a scenario or distribution; arguments and errors as for `scenario`."""
     if isinstance(name, (Scenario, Distribution)):
         return name
+    if isinstance(name, os.PathLike):
+        return load(name)
     if not isinstance(name, str):
-        raise TypeError(f"expected the name of a scenario, a Scenario or a Distribution, got {name!r}")
+        raise TypeError(f"expected the name of a scenario, a file, a Scenario or a Distribution, got {name!r}")
     if name.startswith("{"):
-        return from_json(name)
-    known = SCENARIOS | DISTRIBUTIONS
-    try:
-        return known[name]
-    except KeyError:
-        raise ValueError(f"unknown scenario {name!r}; known: {', '.join(known)}{hint(name, known)}") from None
+        return from_dict(parse_json(name))
+    if name.endswith(SUFFIXES):
+        return load(name)
+    if (found := named(name)) is not None:
+        return found
+    known = [*SCENARIOS, *DISTRIBUTIONS]
+    files = [name + suffix for suffix in SUFFIXES if Path(name + suffix).is_file()]
+    advice = hint(name, files or known)
+    raise ValueError(
+        f"unknown scenario {name!r}; known: {', '.join(known)}, NAME-SEED-EPISODE of a distribution, and files "
+        f"*{' and *'.join(SUFFIXES)}{advice}"
+    )
 
 
-def from_json(text: str) -> Problem:
-    """Return the scenario or distribution of a `to_json`; a ValueError for any other text."""
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise ValueError(f"not a scenario: {error}") from None
-    return from_dict(data)
+def named(name: str) -> Problem | None:
+    """Return the scenario, distribution or sample of a distribution of that name; None if there is none."""
+    found = SCENARIOS.get(name) or DISTRIBUTIONS.get(name)
+    if found is None and (sample := SAMPLE.fullmatch(name)) and sample[1] in DISTRIBUTIONS:
+        return DISTRIBUTIONS[sample[1]].scenario(int(sample[2]), int(sample[3]))
+    return found
 
 
-def from_dict(data: dict[str, Any]) -> Problem:
-    """Return the scenario or distribution of a `to_dict`: that of its `kind`, by default a scenario."""
-    kinds: dict[Any, type[Problem]] = {"scenario": Scenario, "distribution": Distribution}
-    kind = data.get("kind", "scenario") if isinstance(data, dict) else "scenario"
-    if not isinstance(kind, str) or kind not in kinds:
-        raise ValueError(f"unknown kind {kind!r}; known: {', '.join(kinds)}{hint(kind, kinds)}")
-    return kinds[kind].from_dict(data)
+def text(task: ProblemLike) -> str:
+    """Return a task as a string that `problem` reads anywhere: its name if that names its content, else JSON text."""
+    found = problem(task)
+    return found.name if named(found.name) == found else found.to_json()
+
+
+def label(task: ProblemLike) -> str:
+    """Return a short name of the content, for tables and file names.
+
+    It is the task's name if that names its content, else the name with the first digits of the digest: a task of one's
+    own that is called hoop never passes for `hoop`.
+    """
+    found = problem(task)
+    if named(found.name) == found:
+        return found.name
+    word = re.sub(r"[^\w.-]+", "-", found.name)[:40]
+    return f"{word}-{found.digest[:8]}"

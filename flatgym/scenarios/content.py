@@ -15,7 +15,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import MISSING, asdict, fields
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 T = TypeVar("T")
 
@@ -32,6 +32,16 @@ class Content:
         """Return all fields as JSON text."""
         return json.dumps(self.to_dict())
 
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Self:
+        """Return the task of a `to_dict`."""
+        raise NotImplementedError
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """Return the task of a `to_json`; a ValueError for any other text."""
+        return cls.from_dict(parse_json(text))
+
     @cached_property
     def digest(self) -> str:
         """SHA-256 of the content, 64 hexadecimal digits.
@@ -42,6 +52,23 @@ class Content:
         content = {key: value for key, value in self.to_dict().items() if key != "name"}
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def parse_json(text: str) -> Any:
+    """Return the data of a JSON text; a ValueError if it is damaged, or a key occurs twice in an object."""
+    try:
+        return json.loads(text, object_pairs_hook=_unique)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise ValueError(f"not a scenario: {error}") from None
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a dict of pairs; a ValueError for a key that occurs twice."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the field {next(key for key in keys if keys.count(key) > 1)!r} is given twice")
+    return found
 
 
 def fields_of(data: Any, kind: str) -> dict[str, Any]:

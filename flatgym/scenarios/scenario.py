@@ -6,7 +6,6 @@ that names the field, the value, and what is allowed.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -36,6 +35,15 @@ def steps_within(time_limit: float, dt: float) -> int:
     return round(time_limit / dt)
 
 
+def check_radians(owner: str, angle: float, most: float) -> None:
+    """Raise a ValueError for an angle [rad] beyond `most`, which is probably in degrees."""
+    if abs(angle) > most:
+        raise ValueError(
+            f"{owner}.angle is in radians and must lie within {most / math.pi:g} pi = {most:.4g}, got {angle:g}; "
+            f"{angle:g} degrees are {math.radians(angle):.6g}"
+        )
+
+
 @dataclass(frozen=True)
 class Hoop:
     """A gap; it is passed when the path crosses it in its direction.
@@ -55,6 +63,7 @@ class Hoop:
         for name in ("x", "z", "angle"):
             object.__setattr__(self, name, number("Hoop", name, getattr(self, name)))
         object.__setattr__(self, "diameter", positive("Hoop", "diameter", self.diameter))
+        check_radians("Hoop", self.angle, 2 * math.pi)
 
     @property
     def centre(self) -> Array:
@@ -98,6 +107,7 @@ class Tolerance:
     def __post_init__(self) -> None:
         for name in ("position", "speed", "angle"):
             object.__setattr__(self, name, positive("Tolerance", name, getattr(self, name)))
+        check_radians("Tolerance", self.angle, math.pi)
 
 
 @dataclass(frozen=True)
@@ -248,15 +258,6 @@ class Scenario(Content):
         if isinstance(hoops := values.get("hoops", ()), (list, tuple)):
             values["hoops"] = tuple(build(Hoop, hoop, f"Scenario.hoops[{i}]") for i, hoop in enumerate(hoops))
         return build(cls, values | build_parts(values, "Scenario"), "Scenario")
-
-    @classmethod
-    def from_json(cls, text: str) -> Scenario:
-        """Return the scenario of a `to_json`."""
-        try:
-            data = json.loads(text)
-        except ValueError as error:
-            raise ValueError(f"not a scenario: {error}") from None
-        return cls.from_dict(data)
 
 
 def build_parts(values: dict[str, Any], owner: str) -> dict[str, Any]:

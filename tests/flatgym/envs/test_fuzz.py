@@ -169,7 +169,7 @@ def ordinary(generator):
     goal = start + generator.uniform([0.6, -1], [2.5, 1])
     low, high = min(start[1], goal[1]), max(start[1], goal[1])
     hoops = [
-        Hoop(*generator.uniform([-1, low], [2.5, high]), generator.uniform(0.3, 2), generator.uniform(-7, 7))
+        Hoop(*generator.uniform([-1, low], [2.5, high]), generator.uniform(0.3, 2), generator.uniform(-6.2, 6.2))
         for _ in range(generator.integers(5))
     ]
     return Scenario(

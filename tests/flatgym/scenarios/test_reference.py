@@ -54,10 +54,11 @@ def test_numbers_are_the_published_ones(name):
     assert known.time_lower_bound <= known.time
 
 
-def test_exactly_the_named_scenarios_have_solutions():
+def test_exactly_the_contents_of_the_named_scenarios_have_solutions():
     assert all(reference(scenario).scenario == name for name, scenario in SCENARIOS.items())
     assert reference(replace(SCENARIOS["hoop"], dt=0.01)) is None
-    assert reference(replace(SCENARIOS["hoop"], name="mine")) is None
+    assert reference(replace(SCENARIOS["hoop"], name="mine")) is reference("hoop")
+    assert reference(replace(SCENARIOS["diagonal"], name="hoop")) is reference("diagonal")
     assert all(reference(distribution) is None for distribution in DISTRIBUTIONS)
     with pytest.raises(ValueError, match="did you mean 'hoop'"):
         reference("hop")

@@ -42,7 +42,7 @@ def test_loop_hoops_turn_once_around():
 def test_unknown_scenario_names_the_nearest():
     with pytest.raises(ValueError, match=r"unknown scenario 'hop'; known: .*; did you mean 'hoop'"):
         flatgym.scenario("hop")
-    with pytest.raises(TypeError, match="expected the name of a scenario, a Scenario or a Distribution, got 3"):
+    with pytest.raises(TypeError, match="expected the name of a scenario, a file, a Scenario or a Distribution, got 3"):
         flatgym.scenario(3)
 
 
@@ -71,6 +71,12 @@ def plain(**changes):
         (lambda: plain(quadrotor=Quadrotor(thrust_max=9.0)), "cannot hover"),
         (lambda: plain(tolerance=0.1), "tolerance must be a Tolerance, got 0.1"),
         (lambda: Hoop(0, 0, -0.5), "diameter must be positive, got -0.5"),
+        (
+            lambda: Hoop(0, 0, 0.5, 90),
+            r"Hoop.angle is in radians .* within 2 pi = 6.283, got 90; 90 degrees are 1.5708",
+        ),
+        (lambda: Hoop(0, 0, 0.5, -45.0), "Hoop.angle is in radians .* -45 degrees are -0.785398"),
+        (lambda: Tolerance(angle=5.0), "Tolerance.angle is in radians .* within 1 pi = 3.142, got 5"),
         (lambda: Hoop(0, 0, 0.5, math.inf), "angle must be finite, got inf"),
         (lambda: Tolerance(angle=0), "angle must be positive, got 0"),
         (lambda: Scenario.from_dict({"name": "x", "colour": "red"}), "Scenario has no field 'colour'"),
