@@ -31,6 +31,11 @@ PUBLISHED = REPOSITORY_RESULTS / "published"
 """The results that the README prints; they are part of the package."""
 
 
+def cache_folder() -> Path:
+    """Return the folder of computed flights, which are found again by the content of their scenario."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "flatquad"
+
+
 def write_json(path: Path, data: Any) -> None:
     """Write plain data as JSON; numbers that are not finite become null, because JSON cannot hold them."""
     write_text(path, json.dumps(plain(data), indent=1, allow_nan=False) + "\n")

@@ -12,9 +12,8 @@ winding and the scenario.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
@@ -25,9 +24,8 @@ from minari.dataset.minari_storage import MinariStorage
 
 from agents.demonstrations.storage import atomic_dataset, dataset_id
 from flatgym import __version__, observation_names
-from flatgym.scenarios.catalogue import SCENARIOS, Problem, ProblemLike
+from flatgym.scenarios.catalogue import Problem, ProblemLike, text
 from flatgym.scenarios.catalogue import problem as problem_named
-from flatgym.scenarios.distributions import DISTRIBUTIONS
 from flatgym.scenarios.scenario import Scenario
 from optimal.discrete.fewest_steps import FewestSteps
 
@@ -90,14 +88,14 @@ def record(
         progress: called with the number recorded and the total.
 
     Raises:
-        ValueError: for no demonstrations, or an unnamed distribution.
+        ValueError: for no demonstrations.
         RuntimeError: if a flight does not end in the outcome "goal" at its K-th step.
         OSError: if the dataset cannot be written. After any error an older dataset is unchanged.
     """
     target, identity = problem_named(problem), dataset_id(problem, name)
     if not demonstrations:
         raise ValueError(f"no demonstrations of {target.name!r} to record")
-    env = gym.make(ENVIRONMENT, scenario=_plain(target), reward="sparse")
+    env = gym.make(ENVIRONMENT, scenario=text(target), reward="sparse")
     with atomic_dataset(identity, sum(map(_size, demonstrations))) as folder:
         storage = MinariStorage.new(folder, env_spec=env.spec)
         for begin in range(0, len(demonstrations), BATCH):
@@ -108,22 +106,6 @@ def record(
         storage.update_metadata(_metadata(identity, target, demonstrations, env))
     env.close()
     return minari.load_dataset(identity)
-
-
-def _plain(target: Problem) -> str:
-    """Return a problem as a string for the environment specification: a name, or a scenario's JSON text."""
-    if isinstance(target, Scenario):
-        return target.name if SCENARIOS.get(target.name) == target else target.to_json()
-    if DISTRIBUTIONS.get(target.name) != target:
-        raise ValueError(
-            f"a dataset cannot hold the distribution {target.name!r}; named ones: {', '.join(DISTRIBUTIONS)}"
-        )
-    return target.name
-
-
-def problem_fields(target: Problem) -> dict[str, Any]:
-    """Return the fields of a scenario or distribution, as JSON has them."""
-    return json.loads(json.dumps(asdict(target)))
 
 
 def _replay(env: gym.Env[Any, Any], demonstration: Demonstration) -> EpisodeBuffer:
@@ -201,7 +183,7 @@ def _metadata(
         "num_episodes_average_score": len(from_start or demonstrations),
         "flatgym_version": __version__,
         "observation_names": list(observation_names()),
-        "problem": json.dumps(problem_fields(target)),
+        "problem": target.to_json(),
     }
 
 

@@ -19,8 +19,7 @@ from minari.dataset.minari_dataset import parse_dataset_id
 from minari.namespace import create_namespace, list_local_namespaces
 from minari.storage import get_dataset_path
 
-from flatgym.scenarios.catalogue import ProblemLike
-from flatgym.scenarios.catalogue import problem as problem_named
+from flatgym.scenarios.catalogue import ProblemLike, label
 
 STAGING_PREFIX = "recording-"
 """Name prefix of folders with incomplete datasets."""
@@ -29,13 +28,13 @@ ABANDONED_AFTER = 24 * 3600.0
 
 
 def dataset_id(problem: ProblemLike, name: str | None = None) -> str:
-    """Return Minari's id of a dataset: the given name, with version 0 by default, or a name from the problem.
+    """Return Minari's id of a dataset: the given name, with version 0 by default, or a name from the problem's label.
 
     Raises:
         ValueError: for a name that Minari does not accept.
     """
     if name is None:
-        word = re.sub(r"[^\w-]+", "-", problem_named(problem).name)
+        word = re.sub(r"[^\w-]+", "-", label(problem), flags=re.ASCII)
         return f"flatquad/{word}/optimal-v0"
     whole = name if re.search(r"-v\d+$", name) else f"{name}-v0"
     try:

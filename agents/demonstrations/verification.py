@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import minari
 
-from agents.demonstrations.recording import ENVIRONMENT, problem_fields
+from agents.demonstrations.recording import ENVIRONMENT
 from flatgym import __version__, observation_names
 from flatgym.scenarios.catalogue import ProblemLike
 from flatgym.scenarios.catalogue import problem as problem_named
@@ -60,9 +60,9 @@ def check(dataset: minari.MinariDataset, problem: ProblemLike, observation: str 
             f"dataset {dataset.id!r} of flatgym {metadata['flatgym_version']} holds the observations "
             f"{', '.join(names)}; flatgym {__version__} has {', '.join(wanted)} as {observation!r}; record it again"
         )
-    stored, here = json.loads(metadata["problem"]), problem_fields(target)
-    if stored != here:
-        unlike = [key for key in stored.keys() | here.keys() if stored.get(key) != here.get(key)]
+    stored, here = json.loads(metadata["problem"]), target.to_dict()
+    unlike = [key for key in stored.keys() | here.keys() if key != "name" and stored.get(key) != here.get(key)]
+    if unlike:
         of = f"{stored.get('name')!r}, wanted {target.name!r}; they differ in "
         each = "; ".join(f"{key}: {stored.get(key)} and {here.get(key)}" for key in sorted(unlike))
         raise ValueError(f"dataset {dataset.id!r} is of {of}{each}")

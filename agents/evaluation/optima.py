@@ -1,6 +1,7 @@
 """K* of the scenarios of a score: shipped values first, then those cached in a folder, then the solver.
 
     optima("random-goal", seeds).k_star
+    best_known("my_track.toml", store=cache)    # as `flatgym.reference`, for any scenario
 
 K* of the named scenarios and of the evaluation seeds is shipped (`flatgym.scenarios.reference`). Other values are
 computed by `optimal.fewest_steps` on all cores, with a progress bar if it takes long.
@@ -8,6 +9,7 @@ computed by `optimal.fewest_steps` on all cores, with a progress bar if it takes
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -17,12 +19,13 @@ from numpy.typing import NDArray
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios import catalogue
-from flatgym.scenarios.catalogue import ProblemLike
-from flatgym.scenarios.reference import drawn_k_star, reference
+from flatgym.scenarios.catalogue import ProblemLike, ScenarioLike
+from flatgym.scenarios.reference import Reference, drawn_k_star, reference
 from flatgym.scenarios.scenario import Scenario
 from optimal.batch import fewest_steps_many
 from optimal.discrete.fewest_steps import TIME_BUDGET, FewestSteps
 from optimal.flights.solution import SolveFailed
+from optimal.store import stored_answers
 
 
 class Optima(NamedTuple):
@@ -78,7 +81,52 @@ def _of_scenario(target: Scenario, store: str | Path | None) -> Optima:
     """Return K* of one scenario, with n = 1."""
     if (known := reference(target)) is not None:
         return Optima(np.array([float(known.k_star)]), np.array([known.proven]))
-    (answer,) = fewest_steps_many([target], jobs=1, store=store, time_budget=TIME_BUDGET)
+    answer = flight_in_k_star(target, store)
     if not np.isfinite(answer.steps):
         raise SolveFailed(target, answer)
     return Optima.of([answer])
+
+
+def flight_in_k_star(target: Scenario, store: str | Path | None = None) -> FewestSteps:
+    """Return the best flight of a scenario in a folder, whatever it is called there; computed if there is none."""
+    if store is not None and (best := stored_flight(target, store)) is not None:
+        return best
+    (answer,) = fewest_steps_many([target], jobs=1, store=store, progress=False, time_budget=TIME_BUDGET)
+    return answer
+
+
+def stored_flight(target: Scenario, store: str | Path) -> FewestSteps | None:
+    """Return the flight in the fewest steps in a folder, of equal ones that with the best bound; None without one."""
+    flights = [answer for answer in stored_answers(store, target) if isinstance(answer, FewestSteps)]
+    found = [flight for flight in flights if np.isfinite(flight.steps)]
+    return min(found, key=lambda flight: (flight.steps, -flight.lower_bound), default=None)
+
+
+def best_known(problem: ScenarioLike, store: str | Path | None = None) -> Reference | None:
+    """Return the best-known solution of any scenario: the shipped one, or else that of `flight_in_k_star`.
+
+    Its T* and the bound of T* are NaN unless it is shipped.
+
+    Args:
+        problem: a scenario.
+        store: folder that caches computed K*.
+
+    Returns:
+        The solution; None if no flight is found.
+    """
+    target = catalogue.scenario(problem)
+    if (known := reference(target)) is not None:
+        return known
+    answer = flight_in_k_star(target, store)
+    if not np.isfinite(answer.steps):
+        return None
+    return Reference(
+        scenario=catalogue.label(target),
+        k_star=int(answer.steps),
+        k_lower_bound=answer.lower_bound,
+        proven=answer.proven,
+        time=math.nan,
+        time_lower_bound=math.nan,
+        winding=answer.winding,
+        actions=answer.actions,
+    )

@@ -79,7 +79,7 @@ def episode_rows(
     """Return one row per episode: scenario, seed, outcome, steps, k_star, proven, gap (NaN for a failed episode).
 
     Args:
-        policy, problem, episodes, seed, disturbances: as in `fly`. The column `scenario` is the problem's name, `seed`
+        policy, problem, episodes, seed, disturbances: as in `fly`. The column `scenario` is the problem's label, `seed`
             the seed of the episode.
         optimum: K* of the scenario without disturbances, if known.
         store: folder that caches computed K*.
@@ -124,7 +124,7 @@ def score_episodes(
         raise FasterThanOptimal(scenario, k_star[i], rollouts.actions[i], rollouts.states[i])
     return pd.DataFrame(
         {
-            "scenario": target.name,
+            "scenario": catalogue.label(target),
             "seed": seeds,
             "outcome": rollouts.outcomes,
             "steps": rollouts.steps,

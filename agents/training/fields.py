@@ -90,13 +90,14 @@ class Checked:
     """
 
     scenario: str = "hoop"
-    """Name of the scenario or distribution."""
+    """Name of the scenario or distribution, or its file; stored as the name, or else as JSON text."""
 
     def __post_init__(self) -> None:
         kind: Any = type(self)  # Any, because mypy takes the __hash__ of instances for that of the class
         for name, check in checks(kind).items():
             object.__setattr__(self, name, check(kind.__name__, name, getattr(self, name)))
-        catalogue.problem(self.scenario)
+        # A configuration is stored with its model, so it holds the content of a file and not its path.
+        object.__setattr__(self, "scenario", catalogue.text(self.scenario))
 
 
 @lru_cache

@@ -8,7 +8,7 @@ from collections import Counter
 from agents.evaluation.rollouts import fly
 from agents.evaluation.scores import score_episodes
 from agents.policies.policy import Policy
-from experiments.files import Row
+from experiments.files import Row, cache_folder
 from experiments.recipes.run_spec import RunSpec
 from flatgym.scenarios.disturbances import Disturbances
 from flatgym.scenarios.reference import EVALUATION_SEED
@@ -38,7 +38,7 @@ def fly_conditions(policy: Policy, spec: RunSpec, agent: str) -> Row:
         began = time.perf_counter()
         count = episode_count(spec, agent, condition)
         flights = fly(policy, spec.target, count, EVALUATION_SEED, disturbances)
-        scores = score_episodes(flights, spec.target, EVALUATION_SEED, disturbances=disturbances)
+        scores = score_episodes(flights, spec.target, EVALUATION_SEED, disturbances=disturbances, store=cache_folder())
         row["episodes"][condition] = {
             "outcomes": dict(Counter(flights.outcomes)),
             "steps": [

@@ -14,7 +14,12 @@ from flatgym.files import write_text
 
 
 def collect(
-    suite: Suite, cells: Sequence[Row], validation_k_star: Row, preparations: Mapping[str, Row], command: str
+    suite: Suite,
+    cells: Sequence[Row],
+    validation_k_star: Row,
+    preparations: Mapping[str, Row],
+    tasks: Row,
+    command: str,
 ) -> Row:
     """Return the results of a suite.
 
@@ -23,8 +28,9 @@ def collect(
     Args:
         suite: the suite.
         cells: the rows of its cells.
-        validation_k_star: by problem, K* of validation.
-        preparations: by scenario, the result of `experiments.recipes.plans.preparation`.
+        validation_k_star: by problem's label, K* of validation.
+        preparations: by scenario's label, the result of `experiments.recipes.plans.preparation`.
+        tasks: by label, the tasks of one's own, as `experiments.benchmark.tasks.own_tasks` returns them.
         command: the command line.
     """
     problems = list(dict.fromkeys(cell["problem"] for cell in cells))
@@ -39,6 +45,7 @@ def collect(
         "demonstrations": {name: row["demonstrated_steps"] for name, row in preparations.items()},
         "validation_k_star": {name: validation_k_star[name] for name in problems},
         "k_star": k_star,
+        "tasks": tasks,
         "cells": [{key: value for key, value in cell.items() if key != "k_star"} for cell in cells],
     }
 
@@ -54,6 +61,7 @@ def merge(first: Row, *others: Row) -> Row:
     """Return results with the cells of others, for each problem and agent that the earlier ones lack."""
     cells = {(cell["problem"], cell["agent"], cell["seed"]): cell for cell in first["cells"]}
     k_star, validation_k_star = dict(first["k_star"]), dict(first["validation_k_star"])
+    tasks = dict(first.get("tasks", {}))
     for other in others:
         agents = {(problem, agent) for problem, agent, _ in cells}
         for cell in other["cells"]:
@@ -62,14 +70,16 @@ def merge(first: Row, *others: Row) -> Row:
         for problem, known in other["k_star"].items():
             k_star[problem] = max(known, k_star.get(problem, []), key=len)
         validation_k_star = other["validation_k_star"] | validation_k_star
-    return first | {"k_star": k_star, "validation_k_star": validation_k_star, "cells": list(cells.values())}
+        tasks = other.get("tasks", {}) | tasks
+    shared = {"k_star": k_star, "validation_k_star": validation_k_star, "tasks": tasks}
+    return first | shared | {"cells": list(cells.values())}
 
 
 def select_problem(problem: str, results: Row) -> Row:
-    """Return the part of results that is about one problem."""
+    """Return the part of results that is about one problem, given by its label."""
     cells = [cell for cell in results["cells"] if cell["problem"] == problem]
     shared = {
-        key: {name: value for name, value in results[key].items() if name == problem}
-        for key in ("k_star", "validation_k_star")
+        key: {name: value for name, value in results.get(key, {}).items() if name == problem}
+        for key in ("k_star", "validation_k_star", "tasks")
     }
     return results | shared | {"cells": cells}

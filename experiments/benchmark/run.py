@@ -27,13 +27,14 @@ from experiments.benchmark.conditions import fly_conditions
 from experiments.benchmark.results import collect, write_results
 from experiments.benchmark.sandbox import Failed, run_isolated
 from experiments.benchmark.suite import AGENTS, PREREQUISITES, SEEDS, Cell, Suite
+from experiments.benchmark.tasks import own_tasks
 from experiments.files import SCHEMA, Row, plain, write_json
 from experiments.provenance import now
 from experiments.recipes.plans import preparation
 from experiments.recipes.registry import EXPERTS, LEARNERS, prepare
 from experiments.recipes.run_spec import Budget, RunSpec, TrainedAgent
-from flatgym import SCENARIOS
 from flatgym.files import write_text
+from flatgym.scenarios.catalogue import label
 from optimal.parallel import unordered
 
 Task = tuple[Suite, Cell, Path, Path]
@@ -83,7 +84,7 @@ def run(
             bar.update(progress, note=note[:60] + (f" ({failures} failed)" if failures else ""))
             bar.advance(progress)
     rows = [done[cell] for cell in everything if cell in done]
-    results = collect(suite, rows, validation_k_star, preparations, command)
+    results = collect(suite, rows, validation_k_star, preparations, own_tasks(problems), command)
     write_results(folder.with_suffix(".json"), results)
     return results
 
@@ -95,11 +96,12 @@ def plan_all(
     validation_k_star, preparations = {}, {}
     progress = bar.add_task("optima, demonstrations", total=len(problems), note="")
     for problem in problems:
-        bar.update(progress, note=problem)
+        bar.update(progress, note=label(problem))
         agents = {cell.agent for cell in left if cell.problem == problem}
-        validation_k_star[problem] = prepare(RunSpec(problem, 0, folder, suite.budget), agents)
-        if suite.preparation and problem in SCENARIOS:
-            preparations[problem] = preparation(problem, folder)
+        spec = RunSpec(problem, 0, folder, suite.budget)
+        validation_k_star[spec.label] = prepare(spec, agents)
+        if suite.preparation and not spec.is_distribution:
+            preparations[spec.label] = preparation(spec)
         bar.advance(progress)
     return validation_k_star, preparations
 
@@ -151,7 +153,7 @@ def run_cell(cell: Cell, folder: Path, budget: Budget, recipe: Callable[[RunSpec
 
 def write_failure(cell: Cell, folder: Path, error: str) -> Row:
     """Write the cell of a failed agent, with its error and no episodes, and return it."""
-    row = {"schema": SCHEMA, **asdict(cell), "date": now(), "versions": versions(), "error": error, "episodes": {}}
+    row = {"schema": SCHEMA, **cell.row, "date": now(), "versions": versions(), "error": error, "episodes": {}}
     write_text(cell.path(folder), json.dumps(plain(row)) + "\n")
     return row
 
@@ -160,7 +162,7 @@ def training_row(cell: Cell, agent: TrainedAgent) -> Row:
     """Return the part of a cell that does not depend on its episodes: how the agent was trained, and the cost."""
     return {
         "schema": SCHEMA,
-        **asdict(cell),
+        **cell.row,
         "algorithm": agent.algorithm,
         "configs": [{"kind": type(config).__name__} | asdict(config) for config in agent.configs],
         "date": now(),

@@ -10,7 +10,10 @@ from agents import policies
 from experiments.files import Row, read_json
 from experiments.recipes.registry import EXPERTS, LEARNERS, SCENARIO_ONLY
 from experiments.recipes.run_spec import FULL, Budget
-from flatgym import DISTRIBUTIONS, SCENARIOS
+from flatgym import DISTRIBUTIONS, SCENARIOS, Distribution
+from flatgym.scenarios import catalogue
+from flatgym.scenarios.catalogue import SAMPLE
+from flatgym.scenarios.files import SUFFIXES
 
 AGENTS = (*LEARNERS, *EXPERTS)
 PREREQUISITES = {"bc-ppo": "bc"}
@@ -28,7 +31,7 @@ class Suite:
 
     Attributes:
         name: name of the suite.
-        agents: by problem, the agents that fly it.
+        agents: by problem, the agents that fly it; a problem is a name, or the JSON text of a task of one's own.
         seeds: training runs of each learner.
         budget: training time, sample counts and episode counts.
         preparation: whether scenarios are solved and demonstrations recorded first.
@@ -43,6 +46,24 @@ class Suite:
     preparation: bool = False
     policies: Mapping[str, str] = field(default_factory=dict)
     timeout: float = TIMEOUT
+
+    def with_own(self, only: Sequence[str]) -> tuple[Suite, list[str]]:
+        """Return the suite with the tasks of one's own in `only`, and `only` with their labels.
+
+        Args:
+            only: as in `cells`; a problem may also be a file, or a sample of a distribution.
+        """
+        agents, labels = dict(self.agents), []
+        for word in only:
+            problem, slash, agent = (
+                word.rpartition("/") if word.endswith(tuple(f"/{a}" for a in AGENTS)) else (word, "", "")
+            )
+            if problem not in agents and (problem.endswith(SUFFIXES) or SAMPLE.fullmatch(problem)):
+                key = catalogue.text(problem)
+                agents |= all_agents([key]) if key not in agents else {}
+                problem = catalogue.label(key)
+            labels.append(problem + slash + agent)
+        return replace(self, agents=agents), labels
 
     def cells(self, only: Sequence[str] = ()) -> list[Cell]:
         """Return the cells in the order of the tables.
@@ -59,14 +80,14 @@ class Suite:
             for agent in (*agents, *self.policies)
             for seed in range(self.seeds if agent in LEARNERS else 1)
         ]
-        known = {name for cell in cells for name in (cell.problem, cell.name)}
+        known = {name for cell in cells for name in (cell.label, cell.name)}
         if unknown := sorted(set(only) - known):
             raise ValueError(f"unknown cells {', '.join(unknown)}; known: {', '.join(sorted(known))}")
         selected = set(only)
         for cell in cells:
             if cell.name in selected and cell.agent in PREREQUISITES:
-                selected.add(f"{cell.problem}/{PREREQUISITES[cell.agent]}")
-        return [cell for cell in cells if not only or {cell.problem, cell.name} & selected]
+                selected.add(f"{cell.label}/{PREREQUISITES[cell.agent]}")
+        return [cell for cell in cells if not only or {cell.label, cell.name} & selected]
 
 
 @dataclass(frozen=True)
@@ -78,13 +99,23 @@ class Cell:
     seed: int
 
     @property
+    def label(self) -> str:
+        """The short name of the problem, which stands for its content in results and file names."""
+        return catalogue.label(self.problem)
+
+    @property
     def name(self) -> str:
         """The name without the seed, "problem/agent"."""
-        return f"{self.problem}/{self.agent}"
+        return f"{self.label}/{self.agent}"
+
+    @property
+    def row(self) -> Row:
+        """The first entries of its file."""
+        return {"problem": self.label, "agent": self.agent, "seed": self.seed}
 
     def path(self, folder: Path) -> Path:
         """Return the path of its file."""
-        return folder / f"{self.problem}-{self.agent}-{self.seed}.json"
+        return folder / f"{self.label}-{self.agent}-{self.seed}.json"
 
     def read(self, folder: Path) -> Row | None:
         """Return the content of its file; None where there is no readable file."""
@@ -100,7 +131,7 @@ def can_fly(agent: str, problem: str) -> bool:
     """Return whether an agent can fly a problem; a pretrained policy flies only the problem it was trained on."""
     if agent == "pretrained":
         return problem in policies.names()
-    return not (agent in SCENARIO_ONLY and problem in DISTRIBUTIONS)
+    return not (agent in SCENARIO_ONLY and isinstance(catalogue.problem(problem), Distribution))
 
 
 SUITES = {

@@ -34,7 +34,10 @@ def benchmark(
     quick: Quick = False,
     only: Annotated[
         list[str] | None,
-        typer.Option(help="PROBLEM or PROBLEM/AGENT; may be repeated.", show_default="the whole suite"),
+        typer.Option(
+            help="PROBLEM or PROBLEM/AGENT, also a file with a track of yours; may be repeated.",
+            show_default="the whole suite",
+        ),
     ] = None,
     seeds: Annotated[
         int | None, typer.Option(min=1, help="Training runs of each learner.", show_default="of the suite")
@@ -64,9 +67,10 @@ def benchmark(
         raise ValueError("--full and --study are two suites: give one of them")
     name = "full" if full else "study" if study else "quick"
     suite = adapted_suite(name, named_policies(policy or (), trust), timeout, seeds, quick)
+    suite, wanted = suite.with_own(only or ())
     folder = out / (FILES[name] + ("-quick" if quick else ""))
     with progress_bar() as bar:
-        results = run(suite, folder, command=command_line(), bar=bar, only=only or (), jobs=jobs, backend=backend)
+        results = run(suite, folder, command=command_line(), bar=bar, only=wanted, jobs=jobs, backend=backend)
         work = bar.add_task("report", total=1, note="")
         leaderboard = Leaderboard.of(results)
         scores = score_table(leaderboard)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +11,7 @@ from rich.progress import Progress
 
 import flatgym
 from experiments.cli.options import AsJson, Timeout, Trust
+from experiments.files import cache_folder
 from experiments.formats import percent
 from experiments.terminal import cell, command_line, messages, progress_bar, show, table
 from flatgym.scenarios import catalogue
@@ -20,8 +20,6 @@ from flatgym.scenarios.reference import EVALUATION_SEED
 if TYPE_CHECKING:
     from experiments.benchmark.submission import Submission
 
-CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "flatquad"
-"""Folder of computed K*, which are reused."""
 COMPARED_WITH = ("pretrained", "expert", "open-loop", "pd")
 """Agents beside the policy in its report."""
 EXAMPLES = (
@@ -73,7 +71,7 @@ def evaluate(
     )  # fmt: skip
     with progress_bar() as bar:
         bar.add_task("episodes", total=None, note="")
-        row = submission.score(submitted, CACHE, timeout) | {"command": command_line()}
+        row = submission.score(submitted, cache_folder(), timeout) | {"command": command_line()}
         if report is not None:
             page = write_page(submitted, report, command=command_line(), timeout=timeout, bar=bar)
     if as_json:
@@ -114,8 +112,9 @@ def write_page(submission: Submission, path: Path, *, command: str, timeout: flo
     from experiments.files import published
     from experiments.report.page import write
 
-    problem = catalogue.problem(submission.problem).name
-    others = tuple(agent for agent in COMPARED_WITH if can_fly(agent, problem) and agent != submission.name)
+    problem = catalogue.text(submission.problem)
+    agents = dict.fromkeys([*([submission.agent] if submission.agent else []), *COMPARED_WITH])
+    others = tuple(agent for agent in agents if can_fly(agent, problem))
     suite = Suite(
         "submission",
         {problem: others},
@@ -123,5 +122,5 @@ def write_page(submission: Submission, path: Path, *, command: str, timeout: flo
         timeout=timeout,
     )
     results = run(suite, path.with_suffix(""), command=command, bar=bar)
-    known = select_problem(problem, published("learners.json"))
+    known = select_problem(catalogue.label(problem), published("learners.json"))
     return write(path, merge(results, known), published("paper.json"))

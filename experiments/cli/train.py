@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from experiments.cli.options import AsJson, ProblemName
+from experiments.files import cache_folder
 from experiments.terminal import progress_bar, show_record
 from flatgym.scenarios import catalogue
-from flatgym.scenarios.reference import Reference, reference
+from flatgym.scenarios.reference import Reference
+from flatgym.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
     from agents.training.configs import Config
@@ -54,12 +56,12 @@ def train_policy(
         scenario=scenario,
         seed=seed,
         policy=policy,
-        folder=str(folder or Path("runs") / f"{algorithm.lower()}-{catalogue.problem(scenario).name}-{seed}"),
+        folder=str(folder or Path("runs") / f"{algorithm.lower()}-{catalogue.label(scenario)}-{seed}"),
         **{name: value for name, value in wanted.items() if value is not None},
     )
-    known = reference(config.scenario)
     with progress_bar() as bar:
-        work = bar.add_task(f"{config.algorithm} on {scenario}", total=100, note="")
+        work = bar.add_task(f"{config.algorithm} on {catalogue.label(scenario)}", total=100, note="K*")
+        known = known_k_star(config.scenario)
 
         def watch(point: dict[str, Any]) -> None:
             share = max(point["env_steps"] / config.env_steps, point["wall_time_s"] / config.max_seconds)
@@ -70,11 +72,19 @@ def train_policy(
     show_record(training_row(training, config, known), as_json, "Trained")
 
 
+def known_k_star(problem: str) -> Reference | None:
+    """Return the best-known solution of a scenario, computed if it has no name; None for a distribution."""
+    from agents.evaluation.optima import best_known
+
+    task = catalogue.problem(problem)
+    return best_known(task, cache_folder()) if isinstance(task, Scenario) else None
+
+
 def training_row(training: Training, config: Config, known: Reference | None) -> dict[str, Any]:
     """Return what a training reached, by column; its gap is None without a known K* or a success."""
     best = training.best
     return {
-        "scenario": config.scenario,
+        "scenario": catalogue.label(config.scenario),
         "algorithm": config.algorithm,
         "seed": config.seed,
         "success_rate": best["success_rate"] if best else 0.0,

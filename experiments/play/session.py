@@ -13,11 +13,14 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.evaluation.optima import best_known
+from experiments.files import cache_folder
 from flatgym.quadrotor import Array
 from flatgym.rendering.instant import Instant
 from flatgym.scenarios import catalogue
-from flatgym.scenarios.reference import Reference, ghost_states, reference
+from flatgym.scenarios.reference import Reference
 from flatgym.scenarios.scenario import Scenario
+from flatgym.task.rollout import open_loop_states
 
 STEERING = {
     "left": "left",
@@ -98,7 +101,7 @@ class Session:
     """Manual flights, one after the other.
 
     Args:
-        problem: name of a scenario or distribution; a distribution gives a new scenario for each flight.
+        problem: name or file of a scenario or distribution; a distribution gives a new scenario for each flight.
         speed: speed of time; 1 is real time.
         ghost: whether to show the best-known flight.
     """
@@ -106,7 +109,9 @@ class Session:
     def __init__(self, problem: str, speed: float = 0.25, ghost: bool = True) -> None:
         if not SPEED_MIN <= speed <= SPEED_MAX:
             raise ValueError(f"speed must lie in {SPEED_MIN}..{SPEED_MAX}, got {speed}")
-        self.env = gym.make("FlatQuad-v0", scenario=catalogue.problem(problem), reward="sparse", observation="state")
+        task = catalogue.problem(problem)
+        self.env = gym.make("FlatQuad-v0", scenario=task, reward="sparse", observation="state")
+        self._best = best_known(task, cache_folder()) if isinstance(task, Scenario) else None
         self.speed, self.show_ghost = speed, ghost
         self.paused, self.over = False, False
         self.flights, self.best_steps = 0, 0
@@ -120,13 +125,13 @@ class Session:
 
     @property
     def reference(self) -> Reference | None:
-        """The best-known solution of the scenario."""
-        return reference(self.scenario)
+        """The best-known solution of the scenario; None for the samples of a distribution."""
+        return self._best
 
     @property
     def ghost(self) -> Array | None:
         """States of the best-known flight, shape (K*+1, 5)."""
-        return None if self.reference is None else ghost_states(self.scenario)
+        return None if self._best is None else open_loop_states(self.scenario, self._best.actions)
 
     @property
     def hover(self) -> float:

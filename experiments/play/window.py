@@ -28,7 +28,7 @@ def play(problem: str, speed: float = 0.25, ghost: bool = True, video: Path | No
     """Open a window, fly until the user quits, and return the session.
 
     Args:
-        problem: name of a scenario or distribution.
+        problem: name or file of a scenario or distribution.
         speed: speed of time; 1 is real time.
         ghost: whether to draw the best-known flight.
         video: a .mp4 or .gif file to record to.

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from flatgym.scenarios.reference import reference
 from flatgym.scenarios.scenario import Hoop, Scenario
+from optimal.direct.shooting import WINDINGS
 from optimal.discrete.fewest_steps import FewestSteps, fewest_steps
 
 HOOP_MARGINS = {"hoop": 0.3, "high-hoop": 0.08, "slalom": 0.02, "loop": 0.03}
@@ -16,7 +17,7 @@ HOOP_MARGINS = {"hoop": 0.3, "high-hoop": 0.08, "slalom": 0.02, "loop": 0.03}
 GUIDE_HOOPS = {"ground-6": (Hoop(3.0, 0.6, 1.0),)}
 """Hoops added for planning, by scenario. This one lies 10 cm above the floor, and costs no step."""
 HOOP_SHARE = 0.5
-"""Share of a hoop's free width that is used in planning sampled scenarios. It costs two steps."""
+"""Share of a hoop's free width that is used in planning scenarios without a name. It costs two steps."""
 
 
 def with_hoop_margin(scenario: Scenario, margin: float) -> Scenario:
@@ -31,14 +32,17 @@ def with_hoop_share(scenario: Scenario, share: float) -> Scenario:
 
 
 def with_margins(scenario: Scenario) -> Scenario:
-    """Return a named scenario with the margins and guide hoops of its expert flight."""
-    tightened = with_hoop_margin(scenario, HOOP_MARGINS.get(scenario.name, 0.0))
-    return replace(tightened, hoops=tightened.hoops + GUIDE_HOOPS.get(scenario.name, ()))
+    """Return a scenario with the margins and guide hoops of its expert flight; one without a name with HOOP_SHARE."""
+    known = reference(scenario)
+    if known is None:
+        return with_hoop_share(scenario, HOOP_SHARE)
+    tightened = with_hoop_margin(scenario, HOOP_MARGINS.get(known.scenario, 0.0))
+    return replace(tightened, hoops=tightened.hoops + GUIDE_HOOPS.get(known.scenario, ()))
 
 
 def robust_flight(scenario: Scenario) -> FewestSteps:
-    """Return the expert flight of a named scenario: as many steps and windings as the best known, with margins."""
+    """Return the expert flight of a scenario, with margins; of a named one with the windings of the best known."""
     known = reference(scenario)
-    assert known is not None
-    flight = fewest_steps(with_margins(scenario), windings=(known.winding,), time_budget=0.0)
+    windings = WINDINGS if known is None else (known.winding,)
+    flight = fewest_steps(with_margins(scenario), windings=windings, time_budget=0.0)
     return replace(flight, scenario=scenario)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from pathlib import Path
 
 import optimal
 from agents import demonstrations
@@ -21,12 +20,12 @@ BATCH_SIZE = 250
 """Flights planned at once. An interrupted run keeps the flights of its last batch, but not their planning time."""
 
 
-def preparation(problem: str, folder: Path) -> Row:
+def preparation(spec: RunSpec) -> Row:
     """Solve a scenario and record demonstrations of it, once; return "solution", "dataset" and "demonstrated_steps".
 
-    The result is stored in the folder, and read from there on the next call.
+    The result is stored in the folder of the run, and read from there on the next call.
     """
-    path = folder / f"{problem}.preparation.json"
+    path, problem = spec.folder / f"{spec.label}.preparation.json", spec.problem
     if (row := read_json(path)) is None:
         solution = optimal.solve(problem)
         flights = demonstrations.plan(problem, RECORDED_FLIGHTS, seed=0, jobs=1)
@@ -56,7 +55,7 @@ def plan_flights(spec: RunSpec, first: int, count: int, share: float = HOOP_SHAR
     store = spec.folder / "flights"
     for begin in range(first, first + count, BATCH_SIZE):
         seeds = range(begin, min(begin + BATCH_SIZE, first + count))
-        record = spec.folder / f"planned-{spec.problem}-{seeds.start}-{seeds.stop}.json"
+        record = spec.folder / f"planned-{spec.label}-{seeds.start}-{seeds.stop}.json"
         jobs, began = 1 if record.exists() else -1, time.perf_counter()
         scenarios = [with_hoop_share(target.scenario(i), share) for i in seeds]
         flights += fewest_steps_many(scenarios, jobs=jobs, store=store, progress=False)

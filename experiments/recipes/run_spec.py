@@ -8,11 +8,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from agents.evaluation.optima import best_known
 from agents.evaluation.validation import Point
 from agents.policies.policy import Policy
+from experiments.files import cache_folder
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.distributions import Distribution
-from flatgym.scenarios.reference import reference
 from flatgym.scenarios.scenario import Scenario
 
 
@@ -87,7 +88,7 @@ class RunSpec:
     """One training run: the task, the seed, the folder and the budget.
 
     Attributes:
-        problem: name of the scenario or distribution.
+        problem: name of the scenario or distribution, or the JSON text of one's own.
         seed: of network initialisation, exploration and batches.
         folder: where flights, policies and training checkpoints are stored.
         budget: training time, sample counts and episode counts.
@@ -100,8 +101,13 @@ class RunSpec:
 
     @cached_property
     def target(self) -> Scenario | Distribution:
-        """The scenario or distribution of that name."""
+        """The scenario or distribution."""
         return catalogue.problem(self.problem)
+
+    @cached_property
+    def label(self) -> str:
+        """The short name of the task, for file names and results."""
+        return catalogue.label(self.target)
 
     @cached_property
     def is_distribution(self) -> bool:
@@ -110,13 +116,13 @@ class RunSpec:
 
     @cached_property
     def k_star(self) -> int:
-        """K* of a scenario, where training may stop; 0 for a distribution, where it may not."""
-        known = reference(self.problem)
+        """K* of a scenario, where training may stop; 0 for a distribution, where it may not, and without a flight."""
+        known = best_known(self.target, cache_folder()) if isinstance(self.target, Scenario) else None
         return 0 if known is None else known.k_star
 
     def file(self, agent: str, suffix: str) -> Path:
         """Return the path of an agent's file with that suffix; of a folder for the suffix ""."""
-        return self.folder / f"{self.problem}-{agent}-{self.seed}{suffix}"
+        return self.folder / f"{self.label}-{agent}-{self.seed}{suffix}"
 
 
 @dataclass(frozen=True)

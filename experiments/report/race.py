@@ -20,11 +20,11 @@ from agents import policies
 from agents.controllers.cascaded_pd import CascadedPD
 from agents.evaluation.rollouts import fly
 from experiments.benchmark.agents import NAMES, display_name
+from experiments.benchmark.tasks import scenarios_of
 from experiments.files import Row
-from flatgym import SCENARIOS
 from flatgym.quadrotor import Array
-from flatgym.scenarios.catalogue import DEFAULT_SCENARIO
-from flatgym.scenarios.reference import Reference, reference
+from flatgym.scenarios.catalogue import DEFAULT_SCENARIO, text
+from flatgym.scenarios.reference import Reference
 from flatgym.scenarios.scenario import Scenario
 from flatgym.task.rollout import episode_outcomes, open_loop_states
 from flatgym.task.scene import FLYING, OUTCOMES
@@ -92,42 +92,47 @@ def races(results: Row) -> dict[str, Any]:
         ValueError: as in `replay`.
     """
     scenarios = {}
-    for name, scenario in SCENARIOS.items():
-        best = reference(scenario)
-        if best is not None:
-            candidates = [(f"best known, K* = {best.k_star}", best.actions), *agent_actions(results, name)]
-            entries = [replay(scenario, label, actions, best.k_star) for label, actions in candidates]
-            scenarios[name] = scene(scenario) | {
-                "k_star": best.k_star,
-                "proof": proof_text(best),
-                "entries": [entry.to_dict() for entry in entries],
-                "second": next((i for i, entry in enumerate(entries) if i and entry.gap), len(entries) - 1),
-            }
+    for name, (scenario, best) in scenarios_of(results).items():
+        candidates = [(f"best known, K* = {best.k_star}", best.actions), *agent_actions(results, name, scenario)]
+        entries = [replay(scenario, label, actions, best.k_star) for label, actions in candidates]
+        scenarios[name] = scene(scenario) | {
+            "k_star": best.k_star,
+            "proof": proof_text(name, best),
+            "entries": [entry.to_dict() for entry in entries],
+            "second": next((i for i, entry in enumerate(entries) if i and entry.gap), len(entries) - 1),
+        }
     flown = {cell["problem"] for cell in results["cells"]}
     names = (DEFAULT_SCENARIO, *scenarios)
     first = next((name for name in names if name in flown & set(scenarios)), next(iter(scenarios), None))
     return {"first": first, "scenarios": scenarios}
 
 
-def agent_actions(results: Row, name: str) -> Iterator[tuple[str, ArrayLike]]:
-    """Yield names and actions of the episodes on a scenario: those of the results, then those of shipped agents."""
+def agent_actions(results: Row, name: str, scenario: Scenario) -> Iterator[tuple[str, ArrayLike]]:
+    """Yield names and actions of the episodes on a scenario: those of the results, then those of shipped agents.
+
+    Args:
+        results: as in `races`.
+        name: the scenario's label.
+        scenario: the scenario.
+    """
     cells = [cell for cell in results["cells"] if cell["problem"] == name and cell.get("actions")]
     runs = Counter(cell["agent"] for cell in cells)
     for cell in cells:
         seed = f", seed {cell['seed']}" if runs[cell["agent"]] > 1 else ""
         yield display_name(cell["agent"]) + seed, cell["actions"]
     for agent, label in ((PRETRAINED, "pretrained policy"), (CASCADED_PD, NAMES[CASCADED_PD])):
-        actions = None if agent in runs else shipped_actions(agent, name)
+        actions = None if agent in runs else shipped_actions(agent, scenario)
         if actions is not None:
             yield label, actions
 
 
 @lru_cache(maxsize=64)
-def shipped_actions(agent: str, name: str) -> NDArray[np.float32] | None:
+def shipped_actions(agent: str, scenario: Scenario) -> NDArray[np.float32] | None:
     """Return the actions of the pretrained policy or of the PD controller; None if there is no such policy."""
-    if agent == PRETRAINED and name not in policies.names():
-        return None
-    return fly(policies.pretrained(name) if agent == PRETRAINED else CascadedPD(), name).actions[0]
+    if agent == CASCADED_PD:
+        return fly(CascadedPD(scenario.quadrotor), scenario).actions[0]
+    name = text(scenario)
+    return fly(policies.pretrained(name), scenario).actions[0] if name in policies.names() else None
 
 
 def replay(scenario: Scenario, name: str, actions: ArrayLike, k_star: int) -> RaceEntry:
@@ -155,12 +160,12 @@ def checked(actions: ArrayLike, name: str, scenario: Scenario) -> NDArray[np.flo
     return np.clip(array, -1, 1)
 
 
-def proof_text(best: Reference) -> str:
+def proof_text(name: str, best: Reference) -> str:
     """Return in words how far the K* of a scenario is proven."""
     if best.proven:
-        return f"{best.scenario}: K* = {best.k_star} steps is proven; no flight takes fewer."
+        return f"{name}: K* = {best.k_star} steps is proven; no flight takes fewer."
     return (
-        f"{best.scenario}: K* = {best.k_star} steps is the best known; it is proven that no flight takes fewer than "
+        f"{name}: K* = {best.k_star} steps is the best known; it is proven that no flight takes fewer than "
         f"{best.k_lower_bound}."
     )
 

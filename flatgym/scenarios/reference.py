@@ -75,6 +75,19 @@ class Reference:
             actions=actions,
         )
 
+    def to_row(self) -> dict[str, Any]:
+        """Return the solution as plain data, as `of` reads it; an unknown time is NaN."""
+        return {
+            "scenario": self.scenario,
+            "k_star": self.k_star,
+            "k_lower_bound": self.k_lower_bound,
+            "proven": self.proven,
+            "time_s": self.time,
+            "time_lower_bound_s": self.time_lower_bound,
+            "winding": self.winding,
+            "actions": self.actions.tolist(),
+        }
+
     def gap(self, steps: float) -> float:
         """Return steps / K* - 1."""
         return steps / self.k_star - 1

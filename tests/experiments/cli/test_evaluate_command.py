@@ -8,7 +8,6 @@ from typer.testing import CliRunner
 
 from agents.evaluation.scores import COLUMNS
 from experiments.cli import app
-from experiments.cli import evaluate as command
 from flatgym.scenarios.reference import EVALUATION_SEED
 from tests.experiments.cli.shell import flatquad
 
@@ -16,8 +15,8 @@ from tests.experiments.cli.shell import flatquad
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
     """Nothing is kept outside the test."""
-    monkeypatch.setattr(command, "CACHE", tmp_path)
-    return tmp_path
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "flatquad"
 
 
 def evaluate(monkeypatch, capsys, *arguments):
