@@ -33,7 +33,7 @@ def evaluate(
         str, typer.Argument(help="A policy's zip, which needs --trust; or module:object.", show_default=False)
     ] = "",
     scenario: Annotated[
-        str, typer.Option(help="Name of a scenario or distribution.", show_default="the policy's own")
+        str, typer.Option(help="Name or file of a scenario or distribution.", show_default="the policy's own")
     ] = "",
     pretrained: Annotated[str, typer.Option(help="Name of a pretrained policy.", show_default=False)] = "",
     agent: Annotated[

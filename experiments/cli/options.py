@@ -8,10 +8,13 @@ from typing import Annotated
 import typer
 
 ScenarioName = Annotated[
-    str, typer.Argument(help="Name of a scenario; `flatquad list` shows them.", show_default=False)
+    str, typer.Argument(help="A scenario: a name that `flatquad list` shows, or a file.", show_default=False)
 ]
 ProblemName = Annotated[
-    str, typer.Argument(help="Name of a scenario or distribution; `flatquad list` shows them.", show_default=False)
+    str,
+    typer.Argument(
+        help="A scenario or distribution: a name that `flatquad list` shows, or a file.", show_default=False
+    ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 Jobs = Annotated[int, typer.Option(help="Worker processes; -1 uses all cores.")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -9,11 +10,12 @@ import typer
 
 import optimal
 from experiments.cli.options import AsJson, ScenarioName
-from experiments.files import check_output
+from experiments.files import cache_folder, check_output
 from experiments.terminal import messages, progress_bar, show_record
 from flatgym.scenarios.catalogue import scenario as named
 from flatgym.validation import positive
 from optimal.flights.export import FORMATS
+from optimal.store import Store
 
 EXAMPLES = "Example: flatquad solve hoop --out hoop.csv; flatquad solve hoop --steps --out held.csv"
 DT = 0.01
@@ -70,3 +72,14 @@ def solve(
             soft_wrap=True,
         )
     show_record(row, as_json, solution.headline)
+    keep([solution] if method == "shooting" else [], gap, proof_time)
+    keep([fewest] if steps else [], gap, proof_time)
+
+
+def keep(answers: Sequence[optimal.Solution | optimal.FewestSteps], *options: float) -> None:
+    """Store answers where `flatquad show`, training and scores find them, by the content of their scenario."""
+    for answer in answers:
+        try:
+            Store(cache_folder(), {"ask": f"flatquad solve: {type(answer).__name__}", "options": options}).write(answer)
+        except OSError as error:
+            messages.print(f"not kept for later commands: {error}", soft_wrap=True)

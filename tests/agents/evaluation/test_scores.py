@@ -11,6 +11,7 @@ from agents.evaluation.bootstrap import iqm, summary
 from agents.evaluation.rollouts import fly
 from agents.evaluation.scores import COLUMNS, FasterThanOptimal, episode_rows, evaluate
 from flatgym import DISTRIBUTIONS, SCENARIOS, Disturbances
+from flatgym.scenarios.catalogue import label
 from flatgym.scenarios.reference import EVALUATION_SEED, drawn_k_star, reference
 from optimal import SolveFailed, fewest_steps
 
@@ -109,7 +110,7 @@ def test_every_episode_of_a_distribution_is_compared_with_its_own_k_star(near, t
     row = evaluate(OpenLoop(actions), GOALS, 3, seed=0, store=tmp_path).iloc[0]
     assert row.success_rate == pytest.approx(2 / 3)
     assert row.steps == row.k_star == iqm([near[0].steps, near[2].steps])
-    assert (row.gap, row.scenario) == (0, "near")
+    assert (row.gap, row.scenario) == (0, label(GOALS))
     assert summary(rows.assign(agent="replay"))["success_rate"].tolist() == [row.success_rate]
 
 
