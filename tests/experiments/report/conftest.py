@@ -6,9 +6,10 @@ from html.parser import HTMLParser
 
 import pytest
 
+from experiments.benchmark import tasks
 from experiments.files import published
 from experiments.paper import figures
-from experiments.report import page, race
+from experiments.report import page
 from flatgym import SCENARIOS
 from flatgym.scenarios.reference import reference
 
@@ -58,7 +59,7 @@ def benchmark(evil, failure):
 def html(benchmark, paper):
     """Its page, with races in two scenarios, and Fig. 2 in place of the figures that need a solver."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(race, "SCENARIOS", {name: SCENARIOS[name] for name in ("hoop", "ground-6")})
+        patch.setattr(tasks, "SCENARIOS", {name: SCENARIOS[name] for name in ("hoop", "ground-6")})
         patch.setattr(figures, "FIGURES", dict.fromkeys(figures.FIGURES, figures.fig2))
         return page.page(benchmark, paper)
 
