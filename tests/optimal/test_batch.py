@@ -15,9 +15,9 @@ import pytest
 
 import optimal
 from experiments.measurements.sections import uniform_goal
-from flatgym import SCENARIOS
+from flatgym import SCENARIOS, Scenario
 from optimal import Status, fewest_steps_many, solve_many, store
-from optimal.store import decoded, encoded
+from optimal.store import decoded, encoded, stored_answers
 
 GOALS = [uniform_goal(np.random.default_rng((7, i)), i) for i in range(6)]
 TIMES = ("solve_time",)
@@ -220,3 +220,16 @@ def test_a_local_ray_cluster_gives_the_same_answers():
     (line,) = [line for line in run.stdout.splitlines() if line.startswith("times")]
     here = solve_many(["horizontal-3", "diagonal"], jobs=1, windings=(0,))
     assert line.split()[1:] == [repr(answer.time) for answer in here]
+
+
+def test_an_answer_is_found_under_any_name_of_its_scenario(tmp_path):
+    short = Scenario("short", (0, 0), (1, 0))
+    (answer,) = fewest_steps_many([short], jobs=1, store=tmp_path)
+    renamed, other = replace(short, name="a/b"), replace(short, dt=0.01)
+    (again,) = fewest_steps_many([renamed], jobs=1, store=tmp_path)
+    assert len(list(tmp_path.iterdir())) == 1
+    assert (again.scenario, again.steps) == (renamed, answer.steps)
+    assert [one.scenario for one in stored_answers(tmp_path, renamed)] == [renamed]
+    assert stored_answers(tmp_path, other) == []
+    next(tmp_path.iterdir()).write_text("{}")
+    assert stored_answers(tmp_path, short) == []
