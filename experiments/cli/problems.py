@@ -15,7 +15,7 @@ import typer
 
 import flatgym
 from experiments.cli.options import AsJson, ProblemName
-from experiments.files import cache_folder
+from experiments.files import cache_folder, check_output
 from experiments.formats import lower_bound
 from experiments.terminal import cell, messages, paragraph, screen, show, show_record, table
 from flatgym import Distribution, Hoop, Scenario
@@ -83,12 +83,10 @@ def init(
     ] = "",
 ) -> None:
     """Write a scenario as a file to edit: TOML with comments, or JSON."""
-    if path.suffix not in SUFFIXES:
-        raise ValueError(f"{path}: a scenario's file ends in {' or '.join(SUFFIXES)}")
-    if path.exists():
+    if path.is_file():
         raise ValueError(f"{path} exists already and is not replaced; give another name")
     task = replace(catalogue.problem(scenario) if scenario else EXAMPLE, name=path.stem)
-    write_text(path, to_text(task, path.suffix))
+    write_text(check_output(path, SUFFIXES), to_text(task, path.suffix))
     messages.print(f"written: {path.resolve()}", soft_wrap=True)
     messages.print(f"Edit it, then run `flatquad show {path}` and `flatquad solve {path} --steps`.", soft_wrap=True)
 

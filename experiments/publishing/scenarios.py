@@ -16,6 +16,7 @@ import numpy as np
 from imageio.v3 import imwrite
 from numpy.typing import ArrayLike
 
+from experiments.files import check_output
 from experiments.publishing.markdown import markdown
 from flatgym import DISTRIBUTIONS, SCENARIOS, Hoop, Scenario, reference
 from flatgym.files import write_text, write_whole
@@ -105,10 +106,9 @@ def write_sketch(path: Path, scenario: Scenario, states: Array) -> None:
         states: of a flight through it, shape (n, 5), or none, shape (0, 5).
 
     Raises:
-        ValueError: for another ending.
+        ValueError, OSError: as in `check_output`.
     """
-    if path.suffix not in PICTURES:
-        raise ValueError(f"{path}: a picture of a scenario ends in {', '.join(PICTURES)}")
+    check_output(path, PICTURES)
     title = f"{scenario.name}: flown in {len(states) - 1} steps" if len(states) else f"{scenario.name}: no flight yet"
     if path.suffix == ".svg":
         write_text(path, sketch(scenario, states, title))

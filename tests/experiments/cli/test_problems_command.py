@@ -4,10 +4,12 @@ import json
 from dataclasses import replace
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 from experiments.cli.problems import EXAMPLE, known_answers
 from experiments.files import cache_folder
+from experiments.play.session import Session
 from flatgym import DISTRIBUTIONS, SCENARIOS, reference
 from flatgym.scenarios.files import load
 from optimal import fewest_steps
@@ -48,10 +50,10 @@ def test_init_copies_any_task(monkeypatch, capsys, source):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("init", "track.yaml"), "track.yaml: a scenario's file ends in .toml or .json"),
+        (("init", "track.yaml"), "unknown ending '.yaml' of track.yaml; known: .toml, .json"),
         (("init", "track.toml", "--scenario", "slalm"), "did you mean 'slalom'"),
         (("show", "nothing.toml"), "there is no file nothing.toml; `flatquad init nothing.toml` writes an example"),
-        (("show", "hoop", "--out", "hoop.gif"), "hoop.gif: a picture of a scenario ends in .svg, .png, .html"),
+        (("show", "hoop", "--out", "hoop.gif"), "unknown ending '.gif' of hoop.gif; known: .svg, .png, .html"),
         (("solve", "random-goal.toml"), "there is no file random-goal.toml"),
     ],
 )
@@ -115,3 +117,22 @@ def test_pictures_are_drawn_with_every_hoop(monkeypatch, capsys, folder, name):
 def test_a_picture_of_the_environment(monkeypatch, capsys, folder):
     assert flatquad(monkeypatch, capsys, "show", "hoop", "--out", "hoop.png")[0] == 0
     assert (folder / "hoop.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_solve_finds_is_kept_for_the_later_commands(monkeypatch, capsys, folder):
+    (folder / "short.toml").write_text("start = [0, 0]\ngoal = [1.5, 0]\n")
+    (folder / "cache").write_text("a file, so that no folder can be made")
+    status, _, err = flatquad(monkeypatch, capsys, "solve", "short.toml", "--steps", "--proof-time", "1")
+    assert status == 0
+    assert "not kept for later commands" in err
+    (folder / "cache").unlink()
+    _, out, _ = flatquad(monkeypatch, capsys, "solve", "short.toml", "--steps", "--proof-time", "1", "--json")
+    (solved,) = json.loads(out)
+    _, out, _ = flatquad(monkeypatch, capsys, "show", "short.toml", "--json")
+    (known,) = json.loads(out)
+    same = ("time_s", "lower_bound_s", "k_star", "k_lower_bound", "proven")
+    assert {key: known[key] for key in same} == {key: solved[key] for key in same}
+    task = load("short.toml")
+    session = Session("short.toml")
+    assert session.reference.k_star == known["k_star"]
+    np.testing.assert_allclose(session.ghost[-1][0:2], task.goal, atol=task.tolerance.position)
