@@ -115,11 +115,16 @@ def _learn(model: BaseAlgorithm, callback: TrainingCallback) -> None:
     """Train segment by segment, with a checkpoint after each."""
     config, progress = callback.config, callback.progress
     segment_steps = config.checkpoint_every * config.rollout_steps * config.num_envs
+    environments = model.get_env()
+    assert environments is not None
     callback.start(model)
     if config.policy and not progress.curve:
         callback.validate()
     while model.num_timesteps < config.env_steps and not callback.finished:
-        model.set_random_seed(checkpoints.segment_seed(config, progress.segment))
+        seed = checkpoints.segment_seed(config, progress.segment)
+        model.set_random_seed(seed)
+        # The seeds of segments are spread already, and published trainings depend on them.
+        environments.unwrapped.seed_exactly(seed)  # type: ignore[attr-defined]
         model._last_obs = None  # resets all episodes
         callback.apply_curriculum()
         model.learn(
