@@ -40,7 +40,7 @@ def play(problem: str, speed: float = 0.25, ghost: bool = True, video: Path | No
     window = Window(f"FlatQuad: {session.scenario.name}", SIZE, FRAMES_PER_SECOND)
     if not window.visible:
         window.close()
-        raise OSError("flying by hand needs a display, and none was found; the variable SDL_VIDEODRIVER selects a driver")
+        raise OSError("no display was found to fly on; the variable SDL_VIDEODRIVER can name a driver")
     try:
         seen = frames(session, pygame_events(), window)
         if video is None:
