@@ -183,7 +183,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = plain_spec(spec, self.fleet.config.last_step)
+        self._spec = plain_spec(spec, self.fleet.config)
 
     @property
     def scenario(self) -> Scenario:

@@ -13,14 +13,19 @@ from typing import Any
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
+from flatgym.envs.config import EnvConfig
+from flatgym.scenarios.catalogue import text
 
-def plain_spec(spec: EnvSpec | None, max_episode_steps: int) -> EnvSpec | None:
-    """Return a copy of a specification with plain arguments and the steps after which an episode is truncated."""
+
+def plain_spec(spec: EnvSpec | None, config: EnvConfig) -> EnvSpec | None:
+    """Return a copy of a specification with plain arguments, and with the steps after which an episode is truncated."""
     if spec is None:
         return None
     kwargs = plain(spec.kwargs)
     kwargs.pop("max_episode_steps", None)  # the specification has a field for it
-    return replace(spec, kwargs=kwargs, max_episode_steps=max_episode_steps)
+    if "scenario" in kwargs:
+        kwargs["scenario"] = text(config.problem)  # also of a file, which may change
+    return replace(spec, kwargs=kwargs, max_episode_steps=int(config.last_step))
 
 
 def plain(value: Any) -> Any:

@@ -110,7 +110,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = plain_spec(spec, self.config.last_step)
+        self._spec = plain_spec(spec, self.config)
 
     @property
     def config(self) -> EnvConfig:
