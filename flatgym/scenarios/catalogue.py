@@ -69,7 +69,9 @@ def problem(name: ProblemLike) -> Problem:
     if isinstance(name, dict):  # Gymnasium and Minari have stored distributions without their kind
         return from_dict({"kind": "distribution"} | name if "half_width" in name else name)
     if not isinstance(name, str):
-        raise TypeError(f"expected the name of a scenario, a file, a Scenario, a Distribution or its dict, got {name!r}")
+        raise TypeError(
+            f"expected the name of a scenario, a file, a Scenario, a Distribution or its dict, got {name!r}"
+        )
     if name.startswith("{"):
         return from_dict(parse_json(name))
     if name.endswith(SUFFIXES):

@@ -114,7 +114,10 @@ def test_the_specification_states_the_limit_of_the_scenario(scenario):
 
 def test_wrappers_that_need_the_limit_find_it():
     env = gym.make("FlatQuad-v0", scenario=OWN)
-    aware, feature = TimeAwareObservation(env, normalize_time=True), TimeFeatureWrapper(gym.make("FlatQuad-v0", scenario=OWN))
+    aware, feature = (
+        TimeAwareObservation(env, normalize_time=True),
+        TimeFeatureWrapper(gym.make("FlatQuad-v0", scenario=OWN)),
+    )
     assert aware.max_timesteps == 50
     shares = [result[0][-1] for result in hover(aware, 50)]
     np.testing.assert_allclose(shares, np.arange(1, 51) / 50)
