@@ -10,6 +10,7 @@ from agents import demonstrations
 from agents.demonstrations.storage import staging_folder
 from flatgym import DISTRIBUTIONS, SCENARIOS, Distribution, Scenario, __version__
 from flatgym.scenarios.catalogue import label
+from flatgym.scenarios.reference import EVALUATION_SEED
 
 LOW = Scenario("low", (0, 0), (1, 0), floor=0.0)
 
@@ -95,3 +96,11 @@ def test_a_flight_that_misses_the_goal_leaves_the_older_dataset_unchanged(goals,
         demonstrations.record("random-goal", [swapped], "kept")
     assert contents(minari.load_dataset("kept-v0")) == before
     assert list(staging_folder().iterdir()) == []
+
+
+def test_tasks_that_score_policies_are_recorded_with_a_warning(goals, grounded):
+    scored = demonstrations.plan("random-goal", 1, seed=EVALUATION_SEED, jobs=1)
+    with pytest.warns(UserWarning, match=r"tasks that score policies, .* from 1000000 on \(its last seed is 1000000\)"):
+        demonstrations.record("random-goal", [*goals, *scored])
+    far = [replace(one, seed=one.seed + EVALUATION_SEED) for one in grounded]
+    demonstrations.record(LOW, far)  # the task is one for all seeds
