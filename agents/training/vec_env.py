@@ -56,7 +56,7 @@ class FlatQuadVecEnv(VecEnv):
         self.recorder = EpisodeRecorder(envs.scenario, render_mode, scored=not envs.config.disturbances.active)
         envs.render_mode = render_mode  # read by VecEnv, also through wrappers
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
-        self.metadata["render_fps"] = 1 / envs.scenario.dt
+        self.metadata: dict[str, Any] = self.metadata | {"render_fps": 1 / envs.scenario.dt}
         self._returns = np.zeros(envs.num_envs)
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
@@ -136,10 +136,9 @@ class FlatQuadVecEnv(VecEnv):
         if self.render_mode is None:
             raise ValueError('there are no pictures without make_vec_env(..., render_mode="rgb_array")')
         problem, fleet = self.envs.scenario, self.envs.fleet
-        scenario = problem
-        if not isinstance(problem, Scenario):
-            scenario = problem.scenario(int(fleet.seeds[0]), int(fleet.episodes[0]))
-        return [self.recorder.draw(scenario)]
+        if isinstance(problem, Scenario):
+            return [self.recorder.draw(problem)]
+        return [self.recorder.draw(problem.scenario(int(fleet.seeds[0]), int(fleet.episodes[0])))]
 
     def close(self) -> None:
         """Close the batched environment."""

@@ -177,7 +177,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         self._action = self.fleet.actions[0]
 
     @property
-    def spec(self) -> EnvSpec | None:  # type: ignore[override]
+    def spec(self) -> EnvSpec | None:
         """Gymnasium's specification, as plain data; None without `gym.make`."""
         return self._spec
 

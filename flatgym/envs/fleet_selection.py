@@ -25,4 +25,4 @@ def compiles() -> bool:
         return False
     from numba import config
 
-    return not config.DISABLE_JIT
+    return not getattr(config, "DISABLE_JIT", 0)  # set when numba reads its variables

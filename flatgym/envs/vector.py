@@ -104,7 +104,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         self._all.flags.writeable = False
 
     @property
-    def spec(self) -> EnvSpec | None:  # type: ignore[override]
+    def spec(self) -> EnvSpec | None:
         """Gymnasium's specification, as plain data; None without `gym.make_vec`."""
         return self._spec
 

@@ -94,7 +94,7 @@ def test_damaged_dicts_are_named():
         gym.make("FlatQuad-v0", scenario=OWN.to_dict() | {"gaol": [1, 2]})
     with pytest.raises(ValueError, match="no field 'turns'"):
         gym.make("FlatQuad-v0", scenario=TRACK.to_dict() | {"turns": 3})
-    with pytest.raises(ValueError, match="not a pool of starts: .*'states'"):
+    with pytest.raises(ValueError, match=r"not a pool of starts: .*'states'"):
         gym.make("FlatQuad-v0", starts={"states": [[0] * 5]})
     with pytest.raises(ValueError, match=r"Starts.state must have shape \(m, 5\)"):
         gym.make("FlatQuad-v0", starts={"state": [0] * 5})
