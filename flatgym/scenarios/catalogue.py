@@ -66,11 +66,11 @@ def problem(name: ProblemLike) -> Problem:
         return name
     if isinstance(name, os.PathLike):
         return load(name)
-    if isinstance(name, dict):  # Gymnasium and Minari have stored distributions without their kind
-        return from_dict({"kind": "distribution"} | name if "half_width" in name else name)
+    if isinstance(name, dict):
+        return _of_dict(name)
     if not isinstance(name, str):
         raise TypeError(
-            f"expected the name of a scenario, a file, a Scenario, a Distribution or its dict, got {name!r}"
+            f"expected the name of a scenario, a file, a Scenario or a Distribution, got {name!r}"
         )
     if name.startswith("{"):
         return from_dict(parse_json(name))
@@ -85,6 +85,14 @@ def problem(name: ProblemLike) -> Problem:
         f"unknown scenario {name!r}; known: {', '.join(known)}, NAME-SEED-EPISODE of a distribution, and files "
         f"*{' and *'.join(SUFFIXES)}{advice}"
     )
+
+
+def _of_dict(data: dict[str, Any]) -> Problem:
+    """Return the task of a `to_dict`, and of the fields of a distribution, which datasets hold without the kind."""
+    try:
+        return from_dict({"kind": "distribution"} | data if "half_width" in data else data)
+    except ValueError as error:
+        raise ValueError(f"not a scenario: {error}") from None
 
 
 def named(name: str) -> Problem | None:
