@@ -69,9 +69,7 @@ def problem(name: ProblemLike) -> Problem:
     if isinstance(name, dict):
         return _of_dict(name)
     if not isinstance(name, str):
-        raise TypeError(
-            f"expected the name of a scenario, a file, a Scenario or a Distribution, got {name!r}"
-        )
+        raise TypeError(f"expected the name of a scenario, a file, a Scenario or a Distribution, got {name!r}")
     if name.startswith("{"):
         return from_dict(parse_json(name))
     if name.endswith(SUFFIXES):
