@@ -128,7 +128,7 @@ def test_invalid_recordings_are_named():
         EpisodeRecorder(HOOP, "rgb_array").draw(HOOP)
     with pytest.raises(ValueError, match="unknown render_mode 'ascii'"):
         EpisodeRecorder(HOOP, "ascii")
-    for problem in (replace(HOOP, name="mine"), DISTRIBUTIONS["random-hoops"]):
+    for problem in (replace(HOOP, dt=0.01), DISTRIBUTIONS["random-hoops"]):
         with pytest.raises(ValueError, match=r"no K\*-step solution is stored for .* give states"):
             EpisodeRecorder(problem, "rgb_array", ghost=True)
     with pytest.raises(ValueError, match=r"shape \(K\+1, 5\), got shape \(3,\)"):
