@@ -9,7 +9,7 @@ indirect/        Pontryagin's conditions
 proof/           lower bounds of the flight time: the dual, branch and bound
 minimum_time.py  `solve`: T*, by one of the three methods
 discrete/        `fewest_steps`: K*, with held controls and a tolerance at the goal
-batch.py         many scenarios at once, with store.py (answers on disk) and parallel.py (cores, Ray)
+batch.py         many scenarios at once, with store.py (answers on disk), parallel.py (cores), cluster.py (Ray)
 """
 
 from importlib import import_module

@@ -37,6 +37,8 @@ from flatgym.files import write_text
 from flatgym.scenarios.catalogue import label
 from optimal.parallel import unordered
 
+NO_FILE = "it left no file; the machines of a cluster must share the folder of the results"
+"""The error of a cell that another machine has written elsewhere."""
 Task = tuple[Suite, Cell, Path, Path]
 """A suite, one of its cells, the folder of the cells, and the working directory of the caller."""
 
@@ -77,7 +79,7 @@ def run(
     for wave in ([c for c in left if c.agent not in PREREQUISITES], [c for c in left if c.agent in PREREQUISITES]):
         tasks = [(suite, cell, folder, Path.cwd()) for cell in sorted(wave, key=queue_position)]
         for cell in unordered(run_task, tasks, jobs, backend) if tasks else ():  # type: ignore[arg-type]
-            done[cell] = cell.read(folder) or write_failure(cell, folder, "it left no file")
+            done[cell] = cell.read(folder) or write_failure(cell, folder, NO_FILE)
             error = done[cell].get("error")
             failures += bool(error)
             note = f"{cell.name} " + (f"failed: {error}" if error else "done")

@@ -18,7 +18,7 @@ ProblemName = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 Jobs = Annotated[int, typer.Option(help="Worker processes; -1 uses all cores.")]
-Backend = Annotated[str, typer.Option(help="loky: processes of this machine; ray: a Ray cluster.")]
+Backend = Annotated[str, typer.Option(help="loky: processes of this machine; ray: a Ray cluster, that of RAY_ADDRESS.")]
 Trust = Annotated[bool, typer.Option("--trust", help="Load policy zips from outside the package; they can run code.")]
 Timeout = Annotated[float, typer.Option(min=1.0, help="Time limit for the episodes of an external policy, in seconds.")]
 Quick = Annotated[bool, typer.Option("--quick", help="Small sizes, to see that everything runs.")]

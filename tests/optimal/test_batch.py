@@ -2,7 +2,6 @@
 
 import errno
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -75,12 +74,6 @@ def test_invalid_arguments_are_rejected_before_any_work(arguments, words):
         solve_many(["hoop"], **arguments)
     with pytest.raises(ValueError, match="unknown scenario 'hop'"):
         solve_many(["hop"])
-
-
-def test_a_missing_ray_is_reported_with_its_installation(monkeypatch):
-    monkeypatch.setitem(sys.modules, "ray.util.joblib", None)
-    with pytest.raises(ImportError, match='needs Ray; run: pip install "ray'):
-        solve_many(["horizontal-3"], backend="ray")
 
 
 def test_stored_answers_are_read_to_the_bit_and_not_computed_again(tmp_path):
@@ -195,31 +188,6 @@ def test_a_killed_batch_resumes_from_its_store(tmp_path):
     assert all(path.stat().st_mtime_ns == when for path, when in kept.items())
     assert [answer.scenario for answer in answers] == goals
     assert len(list(tmp_path.glob("[!.]*.json"))) == 40
-
-
-RAY = """
-import optimal
-answers = optimal.solve_many(["horizontal-3", "diagonal"], jobs=2, backend="ray", windings=(0,))
-print("times", *(repr(answer.time) for answer in answers))
-"""
-
-
-def test_a_local_ray_cluster_gives_the_same_answers():
-    pytest.importorskip("ray")
-    settings = os.environ | {"RAY_AUTH_MODE": "disabled", "RAY_USAGE_STATS_ENABLED": "0"}
-    settings.pop("RAY_ADDRESS", None)
-    run = subprocess.run(
-        [sys.executable, "-c", RAY],
-        cwd=Path(optimal.__file__).parents[1],
-        env=settings,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert run.returncode == 0, run.stderr
-    (line,) = [line for line in run.stdout.splitlines() if line.startswith("times")]
-    here = solve_many(["horizontal-3", "diagonal"], jobs=1, windings=(0,))
-    assert line.split()[1:] == [repr(answer.time) for answer in here]
 
 
 def test_an_answer_is_found_under_any_name_of_its_scenario(tmp_path):
