@@ -24,7 +24,11 @@ CONNECTION_LIMIT = 5.0
 def unordered_on_cluster(function: Callable[[Any], Any], tasks: Sequence[Any], jobs: int) -> Iterator[Any]:
     """Yield function(task) of all tasks in the order in which they finish; arguments and errors as of `unordered`."""
     ray = connect()
-    remote, left = ray.remote(lambda task: function(task)), deque(tasks)
+
+    def run_task(task: Any) -> Any:
+        return function(task)  # Ray takes no functools.partial
+
+    remote, left = ray.remote(run_task), deque(tasks)
     running: dict[Any, Any] = {}
     try:
         while left or running:
