@@ -6,6 +6,7 @@ to three times, when its machine or its process is lost, also when only its answ
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 from collections import deque
@@ -42,7 +43,7 @@ def unordered_on_cluster(function: Callable[[Any], Any], tasks: Sequence[Any], j
             except ray.exceptions.RayTaskError:  # the function's own error, which it is an instance of
                 raise
             except ray.exceptions.RayError as error:
-                raise RuntimeError(f"the cluster could not compute {task}: {error}") from error
+                raise RuntimeError(f"the cluster could not compute {repr(task)[:200]}: {error}") from error
             yield found
     finally:
         for answer in running:
@@ -62,7 +63,7 @@ def connect() -> Any:
     if not ray.is_initialized():
         _check_address(os.environ.get("RAY_ADDRESS", ""))
         # What workers print would mix with the progress bar, and with tables on standard output.
-        ray.init(log_to_driver=False, logging_level="warning")
+        ray.init(log_to_driver=False, logging_level=logging.WARNING)
     return ray
 
 

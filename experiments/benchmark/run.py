@@ -23,6 +23,7 @@ from agents import policies
 from agents.evaluation.scores import FasterThanOptimal
 from agents.evaluation.versions import versions
 from agents.policies.adapters import load_policy
+from agents.policies.fingerprint import fingerprint
 from experiments.benchmark.conditions import fly_conditions
 from experiments.benchmark.results import collect, write_results
 from experiments.benchmark.sandbox import Failed, run_isolated
@@ -129,9 +130,11 @@ def run_task(task: Task) -> Cell:
 
 def run_external_cell(cell: Row, folder: str, budget: Row, policy: str) -> None:
     """Run the cell of an external policy; all arguments as JSON holds them."""
-    run_cell(
-        Cell(**cell), Path(folder), Budget(**budget), lambda _: TrainedAgent(load_policy(policy, trust=True), policy)
-    )
+
+    def recipe(_: RunSpec) -> TrainedAgent:
+        return TrainedAgent(load_policy(policy, trust=True), policy, fingerprint=fingerprint(policy))
+
+    run_cell(Cell(**cell), Path(folder), Budget(**budget), recipe)
 
 
 def run_cell(cell: Cell, folder: Path, budget: Budget, recipe: Callable[[RunSpec], TrainedAgent]) -> None:
@@ -140,7 +143,8 @@ def run_cell(cell: Cell, folder: Path, budget: Budget, recipe: Callable[[RunSpec
     try:
         agent = recipe(spec)
         if isinstance(agent.policy, BaseAlgorithm) and cell.agent in LEARNERS:
-            policies.save(agent.policy, spec.file(cell.agent, ".zip"), cell.problem)
+            path = policies.save(agent.policy, spec.file(cell.agent, ".zip"), cell.problem)
+            agent = replace(agent, fingerprint=fingerprint(path))
         row = training_row(cell, agent) | fly_conditions(agent.policy, spec, cell.agent)
     except FasterThanOptimal as error:
         evidence = {"scenario": error.scenario.to_dict(), "k_star": error.k_star, "actions": error.actions}
@@ -173,5 +177,6 @@ def training_row(cell: Cell, agent: TrainedAgent) -> Row:
         "expert_labels": agent.expert_labels,
         "training_s": round(agent.training_s, 1),
         "planning_s": round(agent.planning_s, 2),
+        "fingerprint": agent.fingerprint,
         "curve": list(agent.curve),
     }

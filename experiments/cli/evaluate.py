@@ -47,7 +47,9 @@ def evaluate(
     timeout: Timeout = 300.0,
     report: Annotated[
         Path | None,
-        typer.Option(help="Also write a page that compares the policy with ours.", show_default=False),
+        typer.Option(
+            help="Also write a page that compares the policy with ours, its scores beside it.", show_default=False
+        ),
     ] = None,
     wind: Annotated[float, typer.Option(help="Largest acceleration by wind, in m/s².")] = 0.0,
     mass: Annotated[float, typer.Option(help="Largest relative error of the mass.")] = 0.0,
@@ -80,7 +82,9 @@ def evaluate(
         head = ["task", "agent", "episodes", "success", "steps", "K*", "gap to K*", "outcomes"]
         table("Score", head, [score_cells(row)], optional=("episodes", "K*", "steps"))
     if report is not None:
+        beside = page.resolve().with_suffix("")
         messages.print(f"report: {page.resolve()}", soft_wrap=True)
+        messages.print(f"its scores: {beside}.json, and {beside}/, from which a further run resumes", soft_wrap=True)
 
 
 def score_cells(row: dict[str, Any]) -> list[str]:

@@ -52,7 +52,13 @@ try:
                 time.sleep(0.05)
             cluster.remove_node(lost, allow_graceful=False)
     (again,) = optimal.solve_many(names[:1], backend="ray", windings=(0,))
-    print("answers", json.dumps({"times": times, "again": again.time}))
+    errors = []
+    for function in (lambda _: 1 / 0, lambda _: os._exit(3)):
+        try:
+            list(unordered(function, [SCENARIOS["hoop"]], 1, "ray"))
+        except (ZeroDivisionError, RuntimeError) as error:
+            errors.append(str(error))
+    print("answers", json.dumps({"times": times, "again": again.time, "errors": errors}))
 finally:
     ray.shutdown()
     cluster.shutdown()
@@ -64,6 +70,8 @@ def test_a_lost_machine_loses_nothing_and_answers_are_those_of_one_machine(tmp_p
     here = {answer.scenario.name: answer.time for answer in solve_many(NAMES, jobs=1, windings=(0,))}
     assert run["times"] == here
     assert run["again"] == here[NAMES[0]]
+    assert "division by zero" in run["errors"][0]
+    assert "the cluster could not compute Scenario(name='hoop'" in run["errors"][1]
     begun = [path.name.split() for path in tmp_path.iterdir()]
     places = {place for _, place in begun}
     assert len(places) == 2, "both machines worked"
