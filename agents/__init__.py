@@ -15,6 +15,7 @@ from agents.imitation.oracles import combined_oracle, lqr_oracle
 from agents.training.backward_starts import backward_starts
 from agents.training.configs import CONFIGS, Config, PPOConfig, SACConfig, TD3Config, TQCConfig, config_of
 from agents.training.models import build
+from agents.training.progress_reward import ProgressReward
 from agents.training.train import Training, train
 from agents.training.vec_env import FlatQuadVecEnv, make_vec_env
 from flatgym.task.observation import decode_observation
@@ -30,6 +31,7 @@ __all__ = [
     "FlatQuadVecEnv",
     "OpenLoop",
     "PPOConfig",
+    "ProgressReward",
     "SACConfig",
     "TD3Config",
     "TQCConfig",

@@ -16,17 +16,21 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from experiments.files import check_output
+from experiments.formats import lower_bound
 from flatgym import OUTCOMES
 from flatgym.files import write_text
 from flatgym.quadrotor import Array, Quadrotor
-from flatgym.scenarios.scenario import Scenario
+from flatgym.scenarios.scenario import Hoop, Scenario
 from flatgym.task.rollout import fly_actions
-from optimal import Solution
+from optimal import Solution, Status
 
 COLOURS = ("#0b6e99", "#d1603d", "#4f772d", "#7a4988")
 INK, OUTLINE, FAINT, FLAME = "#22303c", "#8b98a3", "#dfe4e8", "#e8a33d"
 ARM = 0.18
 """Half the width of the drawn quadrotor [m]."""
+POST, MARGIN = 0.45, 0.6
+"""Length of the drawn posts of a hoop, and room around flights and hoops [m]."""
 FINE = 0.002
 """Time between the drawn points of a flight [s]."""
 THRUST_LENGTH = 0.02
@@ -44,10 +48,18 @@ class Track:
 
 
 def optimal_track(solution: Solution) -> Track:
-    """Return the certified flight of a solution as a track, sampled every FINE seconds."""
+    """Return the certified flight of a solution as a track, sampled every FINE seconds.
+
+    Its name says how far the flight is optimal. Only the time of a proven optimum is called T*.
+    """
     assert solution.trajectory is not None
     samples = solution.trajectory.sample(FINE)
-    return Track(f"optimum, T* = {solution.time:.4f} s", samples.time, samples.state, samples.control)
+    name = (
+        f"{solution.optimality}, T = {solution.time:.4f} s, T* ≥ {lower_bound(solution.certificate.lower_bound, 4)} s"
+    )
+    if solution.status is Status.OPTIMAL:
+        name = f"optimum, T* = {solution.time:.4f} s"
+    return Track(name, samples.time, samples.state, samples.control)
 
 
 def replayed_track(scenario: Scenario, actions: NDArray[np.float32], name: str) -> Track:
@@ -104,8 +116,7 @@ def paths(
     ones are stacked.
     """
     scenarios = [scenario] * len(tracks) if isinstance(scenario, Scenario) else scenario
-    points = np.concatenate([track.state[:, 0:2] for track in tracks])
-    low, high = points.min(axis=0) - 0.6, points.max(axis=0) + 0.6
+    low, high = extent(scenarios, tracks)
     wide = high[0] - low[0] > 2 * (high[1] - low[1])
     rows, columns = (len(tracks), 1) if wide else (1, len(tracks))
     figure = make_subplots(
@@ -129,6 +140,27 @@ def paths(
     figure.update_yaxes(title="z [m]", col=1)
     figure.update_xaxes(title="x [m]", row=rows)
     return layout(figure, title).update_layout(showlegend=False)
+
+
+def extent(scenarios: Sequence[Scenario], tracks: Sequence[Track]) -> tuple[Array, Array]:
+    """Return the lower left and upper right corner of the drawing [m]: flights, whole hoops, floor and ceiling.
+
+    A floor or ceiling that is further from all this than its width and height is left out, because it would make the
+    flights small.
+    """
+    posts = [post for world in scenarios for hoop in world.hoops for post in hoop_posts(hoop)]
+    points = np.concatenate([*(track.state[:, 0:2] for track in tracks), *posts])
+    low, high = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+    reach, (bottom, top) = (high - low).max(), (low[1], high[1])
+    for height in (height for world in scenarios for height in (world.floor, world.ceiling)):
+        if height is not None and bottom - reach <= height <= top + reach:
+            low[1], high[1] = min(low[1], height - MARGIN / 2), max(high[1], height + MARGIN / 2)
+    return low, high
+
+
+def hoop_posts(hoop: Hoop) -> list[Array]:
+    """Return the drawn posts of a hoop, lines outwards from the ends of its gap, shape (2, 2) each [m]."""
+    return [np.array([rim, rim + side * POST * hoop.across]) for side, rim in zip((-1, 1), hoop.rims, strict=True)]
 
 
 def add_flight(figure: go.Figure, track: Track, colour: str, vehicles: int, panel: dict[str, int]) -> None:
@@ -164,8 +196,7 @@ def add_scenery(figure: go.Figure, scenario: Scenario, low: Array, high: Array, 
             )
             figure.add_hline(y=height, line={"color": INK, "width": 1.5}, layer="below", **panel)
     for hoop in scenario.hoops:
-        for side, edge in zip((-1, 1), hoop.rims, strict=True):
-            post = np.array([edge, edge + side * 0.45 * hoop.across])
+        for post in hoop_posts(hoop):
             figure.add_scatter(
                 x=post[:, 0], y=post[:, 1], mode="lines", name="hoop", line={"color": INK, "width": 5},
                 hoverinfo="skip", **panel,
@@ -241,11 +272,9 @@ def learning(curve: Sequence[Mapping[str, Any]], k_star: float, title: str) -> g
 
 
 def write_page(figure: go.Figure, path: Path | str) -> None:
-    """Write a figure as an HTML page; all figures of a folder share one plotly.min.js."""
-    path = Path(path)
-    script = path.with_name("plotly.min.js")
-    if not script.exists():
-        from plotly.offline import get_plotlyjs
+    """Write a figure as an HTML page, complete in one file of some 5 MB.
 
-        write_text(script, get_plotlyjs())
-    write_text(path, figure.to_html(include_plotlyjs=script.name, full_html=True))
+    Raises:
+        ValueError: for another ending than .html.
+    """
+    write_text(check_output(path, (".html",)), figure.to_html(include_plotlyjs=True, full_html=True))

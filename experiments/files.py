@@ -7,10 +7,12 @@ folder it is installed in. PUBLISHED holds the results that ship with the packag
 
 from __future__ import annotations
 
+import difflib
 import json
 import math
 import os
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +74,33 @@ def load_json(path: Path) -> Row:
         version = f"has schema {data.get('schema')!r}, this version reads {SCHEMA}"
         raise ValueError(f"{path} {version}: run the command again{again}")
     return data
+
+
+def check_output(path: Path | str, endings: Collection[str] = ()) -> Path:
+    """Return the path of a file that can be written; its folder is made. Commands call it before their work.
+
+    Args:
+        path: the file to write; an existing one may be replaced later, and is not touched here.
+        endings: the known endings, such as ".csv"; any by default.
+
+    Raises:
+        ValueError: for another ending.
+        OSError: if the path is a folder, or its folder cannot be made or written.
+    """
+    path = Path(path)
+    if endings and path.suffix not in endings:
+        near = difflib.get_close_matches(path.suffix, endings, n=1)
+        hint = f"; did you mean {path.with_suffix(near[0]).name}?" if near else ""
+        raise ValueError(f"unknown ending {path.suffix!r} of {path.name}; known: {', '.join(endings)}{hint}")
+    if path.is_dir():
+        raise IsADirectoryError(f"{path} is a folder; name a file in it")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise type(error)(f"the folder of {path} cannot be made: {error}") from None
+    if not os.access(path.parent, os.W_OK | os.X_OK) or (path.exists() and not os.access(path, os.W_OK)):
+        raise PermissionError(f"{path} cannot be written: no permission; name a file elsewhere")
+    return path
 
 
 def move_aside(path: Path) -> Path:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from textwrap import wrap
 from typing import Any
 
@@ -29,9 +30,10 @@ NO_BREAK = "\N{NO-BREAK SPACE}"
 screen, messages = Console(highlight=False), Console(stderr=True)
 
 
-def progress_bar() -> Progress:
-    """Return a progress bar on standard error; standard output is for data only."""
-    return Progress(
+@contextmanager
+def progress_bar() -> Iterator[Progress]:
+    """Show a progress bar on standard error; what anything else prints meanwhile goes there too, as Ray's notes do."""
+    bar = Progress(
         SpinnerColumn(),
         TextColumn("{task.description}"),
         BarColumn(),
@@ -40,6 +42,8 @@ def progress_bar() -> Progress:
         TextColumn("{task.fields[note]}", markup=False),
         console=messages,
     )
+    with redirect_stdout(sys.stderr), bar:
+        yield bar
 
 
 def command_line() -> str:

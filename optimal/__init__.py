@@ -9,7 +9,7 @@ indirect/        Pontryagin's conditions
 proof/           lower bounds of the flight time: the dual, branch and bound
 minimum_time.py  `solve`: T*, by one of the three methods
 discrete/        `fewest_steps`: K*, with held controls and a tolerance at the goal
-batch.py         many scenarios at once, with store.py (answers on disk) and parallel.py (cores, Ray)
+batch.py         many scenarios at once, with store.py (answers on disk), parallel.py (cores), cluster.py (Ray)
 """
 
 from importlib import import_module
@@ -22,6 +22,7 @@ require("optimal", "casadi", "joblib", "numba", "scipy")
 from optimal.discrete.fewest_steps import FewestSteps, fewest_steps
 from optimal.flights.certificate import Certificate, certify
 from optimal.flights.export import load, save
+from optimal.flights.hover import HoverAtGoal
 from optimal.flights.solution import Solution, SolveFailed, Status
 from optimal.flights.trajectory import Samples, Trajectory
 from optimal.minimum_time import solve
@@ -37,6 +38,7 @@ __all__ = [
     "Certificate",
     "Corridor",
     "FewestSteps",
+    "HoverAtGoal",
     "Proof",
     "Samples",
     "Solution",

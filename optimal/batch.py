@@ -53,7 +53,7 @@ def solve_many(
 
     Raises:
         ValueError: for an unknown scenario, an unknown option, or a store for another method.
-        ImportError: for backend="ray" without Ray.
+        ImportError, ConnectionError, RuntimeError: for backend="ray", as in `optimal.parallel.unordered`.
         OSError: when an answer cannot be written; names the file. Earlier answers stay in the store.
     """
     if store is not None and options.get("method", "shooting") != "shooting":

@@ -13,6 +13,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from flatgym.scenarios.catalogue import ScenarioLike, scenario
 from flatgym.scenarios.scenario import Scenario
@@ -28,11 +29,18 @@ from optimal.indirect.costates import report
 
 MAX_GAP, TIME_BUDGET = 1e-3, 5.0
 """Largest relative gap between flight time and lower bound that the proof aims at, and its time limit [s]."""
-METHODS = ("shooting", "flat", "pontryagin")
-CERTIFIED = (Status.SOLVED, Status.FEASIBLE)
-"""Statuses that need a certificate that holds."""
+METHODS: dict[str, dict[str, Any]] = {
+    "shooting": {"windings": WINDINGS, "starts": STARTS, "seed": 0, "nodes": NODES},
+    "flat": {"checks": "certified", "intervals": None},
+    "pontryagin": {"windings": WINDINGS},
+}
+"""The methods, each with its options and their defaults."""
+PROVEN_GAP = 1e-3
+"""Largest relative gap of a flight that counts as proven optimal."""
+CERTIFIED = (Status.LOCALLY_OPTIMAL, Status.CERTIFIED)
+"""Statuses of a candidate that need a certificate that holds."""
 WITH_FLIGHT = (*CERTIFIED, Status.LIMITS_AT_NODES_ONLY)
-"""Statuses of a solution that has a flight time."""
+"""Statuses of a candidate that has a flight time."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +91,7 @@ def solve(
         method: "shooting" (direct multiple shooting with the exact step), "flat" (the paper's eq. (10), between the
             paper's outer paths where it prints them, else automatic ones) or "pontryagin" (the indirect method of the
             paper's reference [8]; no hoops, floor or ceiling).
-        windings: whole turns of the tilt to try; not flat.
+        windings: whole turns of the tilt to try; shooting and pontryagin only.
         starts: starts for each winding, the first from the default guess, the others random; shooting only.
         seed: seed of the random guesses.
         nodes: steps of the whole flight; shooting only.
@@ -95,11 +103,21 @@ def solve(
 
     Raises:
         SolveFailed: with the problem and the result, when no certified flight was found.
-        ValueError: for an unknown scenario or method, a scenario that the method cannot take, no windings or starts,
-            or a gap or budget that is not positive.
+        ValueError: for an unknown scenario or method, a scenario or an option that the method does not take, no
+            windings or starts, or a gap or budget that is not positive.
     """
     task = scenario(problem)
     _require_known(method)
+    given = {
+        "windings": tuple(windings), "starts": starts, "seed": seed, "nodes": nodes, "checks": checks,
+        "intervals": intervals,
+    }  # fmt: skip
+    _require_options(method, given)
+    if max_gap is not None:
+        # Imported here, because it needs numba, which takes longer to import than everything else.
+        from optimal.proof.lower_bound import require_positive
+
+        require_positive(max_gap, time_budget)
     begun = time.perf_counter()
     if method == "flat":
         candidate = _flat(task, checks, intervals)
@@ -109,13 +127,15 @@ def solve(
         candidate = _shooting(task, windings, starts, seed, nodes)
     candidate, certificate = _certified(task, candidate)
     solve_time = time.perf_counter() - begun
-    status = candidate.status
+    status, reason = candidate.status, candidate.reason
     if status in CERTIFIED and not certificate.holds():
-        status = Status.NOT_CERTIFIED
+        status, reason = Status.NOT_CERTIFIED, certificate.shortfall()
     duration = candidate.flight.duration if candidate.flight and status in WITH_FLIGHT else math.inf
     if max_gap is not None and math.isfinite(duration):
         bound = max(_lower_bound(task, candidate.shot, max_gap, time_budget), certificate.lower_bound)
         certificate = replace(certificate, lower_bound=bound, gap=duration / bound - 1)
+    if status in CERTIFIED and certificate.gap <= PROVEN_GAP * (1 + 1e-9):
+        status = Status.OPTIMAL
     solution = Solution(
         scenario=task,
         method=method,
@@ -128,9 +148,9 @@ def solve(
         solve_time=solve_time,
         starts=candidate.starts,
         agreed=candidate.agreed,
-        reason="" if status in WITH_FLIGHT else candidate.reason,
+        reason="" if math.isfinite(duration) else reason,
     )
-    if raise_on_failure and status not in WITH_FLIGHT:
+    if raise_on_failure and not math.isfinite(duration):
         raise SolveFailed(task, solution)
     return solution
 
@@ -140,6 +160,18 @@ def _require_known(method: str) -> None:
         near = difflib.get_close_matches(str(method), METHODS, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}{hint}")
+
+
+def _require_options(method: str, given: dict[str, Any]) -> None:
+    """Refuse options of other methods, unless they have their default."""
+    for name, value in given.items():
+        takers = [other for other, options in METHODS.items() if name in options]
+        if method not in takers and value != METHODS[takers[0]][name]:
+            taken = ", ".join(METHODS[method])
+            raise ValueError(
+                f"{name}={value!r} is an option of {' and '.join(takers)}; method {method!r} takes {taken}: leave "
+                f"{name} out, or use another method"
+            )
 
 
 def _certified(task: Scenario, candidate: Candidate) -> tuple[Candidate, Certificate]:
@@ -155,7 +187,6 @@ def _certified(task: Scenario, candidate: Candidate) -> tuple[Candidate, Certifi
 
 def _lower_bound(task: Scenario, shot: ShootingSolution | None, max_gap: float, time_budget: float) -> float:
     """Return a proven lower bound of the flight time [s], from the costates of a flight; None searches for one."""
-    # Imported here, because it needs numba, which takes longer to import than everything else.
     from optimal.proof.lower_bound import prove, prove_near
 
     if shot is None:
@@ -176,7 +207,7 @@ def _shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int, n
         return replace(nothing, reason=infeasibility_suspect(task))
     # Only the fastest flight counts: a slower one that is certified would not be the optimum.
     shot = found.shots[0]
-    return replace(nothing, flight=shot.trajectory, status=Status.SOLVED, winding=shot.winding, shot=shot)
+    return replace(nothing, flight=shot.trajectory, status=Status.LOCALLY_OPTIMAL, winding=shot.winding, shot=shot)
 
 
 # The two other methods need SciPy, which takes longer to import than everything else here.
@@ -195,7 +226,7 @@ def _flat(task: Scenario, checks: str, intervals: int | None) -> Candidate:
     elif checks == "nodes":
         status = Status.LIMITS_AT_NODES_ONLY
     else:
-        status = Status.SOLVED if found.optimised else Status.FEASIBLE
+        status = Status.LOCALLY_OPTIMAL if found.optimised else Status.CERTIFIED
     flight = found.trajectory
     return Candidate(
         flight,
@@ -215,13 +246,21 @@ def _pontryagin(task: Scenario, windings: Sequence[int]) -> Candidate:
     if not extremals:
         raise ValueError(f"needs at least one winding, got windings={windings!r}")
     best = min(extremals, key=lambda extremal: extremal.time)
+    direct = min(extremals, key=lambda extremal: extremal.direct_time)
+    reason = best.message
+    # A direct solution is a flight, so an extremal that takes longer is not the fastest.
+    if beaten := best.converged and direct.direct_time < best.time * (1 - AGREEMENT):
+        reason = (
+            f"The direct solution of winding {direct.winding} takes {direct.direct_time:.6g} s, but Pontryagin's "
+            f'conditions were not solved for it, only for a flight of {best.time:.6g} s; use method="shooting".'
+        )
     return Candidate(
         best.trajectory,
-        Status.SOLVED if best.converged else Status.NOT_CONVERGED,
+        Status.LOCALLY_OPTIMAL if best.converged and not beaten else Status.NOT_CONVERGED,
         best.winding,
         iterations=sum(extremal.evaluations for extremal in extremals),
         starts=len(extremals),
         agreed=sum(extremal.time <= best.time * (1 + AGREEMENT) for extremal in extremals),
-        reason=best.message,
+        reason=reason,
         hamiltonian_drift=best.hamiltonian_drift,
     )

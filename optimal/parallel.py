@@ -10,12 +10,11 @@ from typing import Any
 import joblib
 
 from flatgym.scenarios.scenario import Scenario
+from optimal.cluster import unordered_on_cluster
 
 BACKENDS = ("loky", "ray")
 BAR_DELAY = 2.0
 """Time after which a batch shows a progress bar [s]."""
-RAY_WAVE = 8
-"""Tasks of each Ray worker in one wave."""
 Progress = bool | Callable[[int, int], None]
 """Whether to show a bar on a terminal, or a function that takes the number of finished tasks and of all tasks."""
 
@@ -31,8 +30,6 @@ def check_workers(jobs: int, backend: str) -> None:
 def unordered(function: Callable[[Scenario], Any], tasks: list[Scenario], jobs: int, backend: str) -> Iterator[Any]:
     """Yield function(task) of all tasks in the order in which they finish.
 
-    Ray returns nothing before all of its tasks are done. It therefore gets them in waves.
-
     Args:
         function: must be picklable.
         tasks: its arguments, at least one.
@@ -41,25 +38,15 @@ def unordered(function: Callable[[Scenario], Any], tasks: list[Scenario], jobs: 
 
     Raises:
         ImportError: for backend="ray" without Ray.
+        ConnectionError: for backend="ray" if no cluster answers at RAY_ADDRESS.
+        RuntimeError: for a task that ends its process on the cluster each time it is tried.
     """
-    calls = [joblib.delayed(function)(task) for task in tasks]
-    if backend == "loky":
-        with joblib.parallel_config(backend=backend, inner_max_num_threads=1):
-            yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(calls)
+    if backend == "ray":
+        yield from unordered_on_cluster(function, tasks, jobs)
         return
-    _register_ray()
-    with joblib.parallel_config(backend=backend):
-        size = RAY_WAVE * joblib.effective_n_jobs(jobs)
-        for begin in range(0, len(calls), size):
-            yield from joblib.Parallel(n_jobs=jobs)(calls[begin : begin + size])
-
-
-def _register_ray() -> None:
-    try:
-        from ray.util.joblib import register_ray
-    except ImportError:
-        raise ImportError('backend="ray" needs Ray; run: pip install "ray>=2.60"') from None
-    register_ray()  # type: ignore[no-untyped-call]
+    calls = [joblib.delayed(function)(task) for task in tasks]
+    with joblib.parallel_config(backend=backend, inner_max_num_threads=1):
+        yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(calls)
 
 
 def with_progress(found: Iterator[Any], total: int, progress: Progress) -> Iterator[Any]:

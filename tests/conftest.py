@@ -1,4 +1,7 @@
-"""What all tests share: random states and controls, the paper's vehicle, a browser."""
+"""What all tests share: random states and controls, the paper's vehicle, a browser, a stand-in for moviepy."""
+
+import sys
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -17,6 +20,27 @@ def generator() -> np.random.Generator:
 def quadrotor() -> Quadrotor:
     """The paper's vehicle."""
     return Quadrotor()
+
+
+class ImageSequenceClip:
+    """The part of moviepy's class that the video wrappers of Gymnasium and Stable-Baselines3 call."""
+
+    def __init__(self, sequence, fps):
+        self.frames, self.fps = np.array(sequence), fps
+
+    def write_videofile(self, filename, **_):
+        import imageio.v3 as imageio
+
+        imageio.imwrite(filename.replace(".mp4", ".gif"), self.frames, duration=1000 / self.fps)
+
+
+@pytest.fixture
+def moviepy(monkeypatch):
+    """A substitute for moviepy, which conflicts with the pillow version of Minari; it writes through imageio."""
+    names = ["moviepy", "moviepy.video", "moviepy.video.io", "moviepy.video.io.ImageSequenceClip"]
+    for name in names:
+        monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    sys.modules[names[-1]].ImageSequenceClip = ImageSequenceClip
 
 
 @pytest.fixture(scope="session")

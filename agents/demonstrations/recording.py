@@ -12,6 +12,7 @@ winding and the scenario.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -26,6 +27,8 @@ from agents.demonstrations.storage import atomic_dataset, dataset_id
 from flatgym import __version__, observation_names
 from flatgym.scenarios.catalogue import Problem, ProblemLike, text
 from flatgym.scenarios.catalogue import problem as problem_named
+from flatgym.scenarios.distributions import Distribution
+from flatgym.scenarios.reference import EVALUATION_SEED
 from flatgym.scenarios.scenario import Scenario
 from optimal.discrete.fewest_steps import FewestSteps
 
@@ -95,6 +98,8 @@ def record(
     target, identity = problem_named(problem), dataset_id(problem, name)
     if not demonstrations:
         raise ValueError(f"no demonstrations of {target.name!r} to record")
+    if isinstance(target, Distribution):
+        _warn_of_scored_tasks(max(demonstration.seed for demonstration in demonstrations))
     env = gym.make(ENVIRONMENT, scenario=text(target), reward="sparse")
     with atomic_dataset(identity, sum(map(_size, demonstrations))) as folder:
         storage = MinariStorage.new(folder, env_spec=env.spec)
@@ -106,6 +111,16 @@ def record(
         storage.update_metadata(_metadata(identity, target, demonstrations, env))
     env.close()
     return minari.load_dataset(identity)
+
+
+def _warn_of_scored_tasks(last_seed: int) -> None:
+    """Warn if the flights show tasks of scored episodes, which a policy that is scored must not have seen."""
+    if last_seed >= EVALUATION_SEED:
+        warnings.warn(
+            f"the dataset shows tasks that score policies, those of seeds from {EVALUATION_SEED} on (its last seed is "
+            f"{last_seed}); do not train on it, or plan with a smaller seed",
+            stacklevel=3,
+        )
 
 
 def _replay(env: gym.Env[Any, Any], demonstration: Demonstration) -> EpisodeBuffer:

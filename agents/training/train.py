@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 
@@ -29,6 +28,7 @@ from agents.training.callbacks import PPOCallback, TrainingCallback
 from agents.training.configs import Config, PPOConfig
 from agents.training.models import build
 from agents.training.progress import Progress, curve_file, model_file
+from agents.training.threads import torch_threads
 from flatgym.extras import require
 from flatgym.files import write_text
 from optimal.discrete.fewest_steps import FewestSteps
@@ -59,6 +59,7 @@ class Training:
     wall_time_s: float
 
 
+@torch_threads()
 def train(
     config: Config,
     optimum: FewestSteps | int | None = None,
@@ -84,7 +85,6 @@ def train(
         ValueError: for a damaged checkpoint, or one of another configuration.
         OSError: if a file cannot be written; earlier files stay intact.
     """
-    torch.set_num_threads(1)  # small networks: a second thread costs more than it gives
     model, progress = build(config), Progress(learning_rate=config.learning_rate)
     if resume and checkpoints.checkpoint_file(config).exists():
         progress = checkpoints.restore(config, model)
@@ -115,11 +115,16 @@ def _learn(model: BaseAlgorithm, callback: TrainingCallback) -> None:
     """Train segment by segment, with a checkpoint after each."""
     config, progress = callback.config, callback.progress
     segment_steps = config.checkpoint_every * config.rollout_steps * config.num_envs
+    environments = model.get_env()
+    assert environments is not None
     callback.start(model)
     if config.policy and not progress.curve:
         callback.validate()
     while model.num_timesteps < config.env_steps and not callback.finished:
-        model.set_random_seed(checkpoints.segment_seed(config, progress.segment))
+        seed = checkpoints.segment_seed(config, progress.segment)
+        model.set_random_seed(seed)
+        # The seeds of segments are spread already, and published trainings depend on them.
+        environments.unwrapped.seed_exactly(seed)  # type: ignore[attr-defined]
         model._last_obs = None  # resets all episodes
         callback.apply_curriculum()
         model.learn(

@@ -17,8 +17,9 @@ import numpy as np
 import pandas as pd
 
 from agents.evaluation.bootstrap import iqm
-from experiments.benchmark.agents import display_name, table_position
+from experiments.benchmark.agents import table_position
 from experiments.benchmark.conditions import NOMINAL
+from experiments.benchmark.shipped import shown_name
 from experiments.benchmark.summary import Scores, cells_of, learning_curve, pairs, summarise
 from experiments.files import Row
 from flatgym import SCENARIOS
@@ -129,17 +130,18 @@ def position(problem: str) -> tuple[int, str]:
 def nominal_row(results: Row, flown: Row, scores: Scores, problem: str, agent: str) -> LeaderboardRow:
     """Return the row of an agent: the scores of the runs that have flown, and the errors of the others."""
     cells = cells_of(flown, problem, agent)
+    name = shown_name(agent, cells)
     errors = tuple(
         f"seed {cell['seed']}: {text}" for cell in cells_of(results, problem, agent) if (text := error_text(cell))
     )
     score = scores.get((problem, agent, NOMINAL))
     if score is None:
-        return LeaderboardRow(problem, agent, display_name(agent), errors=errors)
+        return LeaderboardRow(problem, agent, name, errors=errors)
     count = max(len(cell["episodes"][NOMINAL]["steps"]) for cell in cells if NOMINAL in cell["episodes"])
     return LeaderboardRow(
         problem,
         agent,
-        display_name(agent),
+        name,
         runs=score["runs"],
         episodes=score["episodes"],
         **rates(score),
@@ -172,19 +174,21 @@ def error_text(cell: Row) -> str:
 def condition_scores(flown: Row, scores: Scores, order: Sequence[tuple[str, str]]) -> Iterator[ConditionScore]:
     """Yield the score of each agent under each condition it has flown."""
     for problem, agent in order:
+        name = shown_name(agent, cells_of(flown, problem, agent))
         for condition in flown["conditions"]:
             score = scores.get((problem, agent, condition))
             if score is not None:
-                yield ConditionScore(problem, agent, display_name(agent), condition, **rates(score))
+                yield ConditionScore(problem, agent, name, condition, **rates(score))
 
 
 def curves(flown: Row, order: Sequence[tuple[str, str]]) -> Iterator[Curve]:
     """Yield the learning curves of all runs with validation points."""
     for problem, agent in order:
-        for cell in cells_of(flown, problem, agent):
+        cells = cells_of(flown, problem, agent)
+        for cell in cells:
             if cell.get("curve"):
                 samples, gaps = learning_curve(cell, flown["validation_k_star"][problem])
-                yield Curve(problem, agent, display_name(agent), cell["seed"], tuple(samples), tuple(gaps))
+                yield Curve(problem, agent, shown_name(agent, cells), cell["seed"], tuple(samples), tuple(gaps))
 
 
 SCORE_COLUMNS = (

@@ -23,6 +23,7 @@ from agents import policies
 from agents.evaluation.scores import FasterThanOptimal
 from agents.evaluation.versions import versions
 from agents.policies.adapters import load_policy
+from agents.policies.fingerprint import fingerprint
 from experiments.benchmark.conditions import fly_conditions
 from experiments.benchmark.results import collect, write_results
 from experiments.benchmark.suite import AGENTS, PREREQUISITES, SEEDS, Cell, Suite
@@ -37,6 +38,8 @@ from flatgym.files import write_text
 from flatgym.scenarios.catalogue import label
 from optimal.parallel import unordered
 
+NO_FILE = "it left no file; the machines of a cluster must share the folder of the results"
+"""The error of a cell that another machine has written elsewhere."""
 Task = tuple[Suite, Cell, Path, Path]
 """A suite, one of its cells, the folder of the cells, and the working directory of the caller."""
 
@@ -77,7 +80,7 @@ def run(
     for wave in ([c for c in left if c.agent not in PREREQUISITES], [c for c in left if c.agent in PREREQUISITES]):
         tasks = [(suite, cell, folder, Path.cwd()) for cell in sorted(wave, key=queue_position)]
         for cell in unordered(run_task, tasks, jobs, backend) if tasks else ():  # type: ignore[arg-type]
-            done[cell] = cell.read(folder) or write_failure(cell, folder, "it left no file")
+            done[cell] = cell.read(folder) or write_failure(cell, folder, NO_FILE)
             error = done[cell].get("error")
             failures += bool(error)
             note = f"{cell.name} " + (f"failed: {error}" if error else "done")
@@ -127,9 +130,11 @@ def run_task(task: Task) -> Cell:
 
 def run_external_cell(cell: Row, folder: str, budget: Row, policy: Row) -> None:
     """Run the cell of an external policy; all arguments as JSON holds them."""
-    run_cell(
-        Cell(**cell), Path(folder), Budget(**budget), lambda _: TrainedAgent(load_policy(**policy), policy["name"])
-    )
+
+    def recipe(_: RunSpec) -> TrainedAgent:
+        return TrainedAgent(load_policy(**policy), policy["name"], fingerprint=fingerprint(policy["name"]))
+
+    run_cell(Cell(**cell), Path(folder), Budget(**budget), recipe)
 
 
 def run_cell(cell: Cell, folder: Path, budget: Budget, recipe: Callable[[RunSpec], TrainedAgent]) -> None:
@@ -138,7 +143,8 @@ def run_cell(cell: Cell, folder: Path, budget: Budget, recipe: Callable[[RunSpec
     try:
         agent = recipe(spec)
         if isinstance(agent.policy, BaseAlgorithm) and cell.agent in LEARNERS:
-            policies.save(agent.policy, spec.file(cell.agent, ".zip"), cell.problem)
+            path = policies.save(agent.policy, spec.file(cell.agent, ".zip"), cell.problem)
+            agent = replace(agent, fingerprint=fingerprint(path))
         row = training_row(cell, agent) | fly_conditions(agent.policy, spec, cell.agent)
     except FasterThanOptimal as error:
         evidence = {"scenario": error.scenario.to_dict(), "k_star": error.k_star, "actions": error.actions}
@@ -171,5 +177,6 @@ def training_row(cell: Cell, agent: TrainedAgent) -> Row:
         "expert_labels": agent.expert_labels,
         "training_s": round(agent.training_s, 1),
         "planning_s": round(agent.planning_s, 2),
+        "fingerprint": agent.fingerprint,
         "curve": list(agent.curve),
     }

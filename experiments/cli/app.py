@@ -43,6 +43,8 @@ app = typer.Typer(
 
 for name, command, examples in (
     ("list", problems.list_problems, problems.EXAMPLES),
+    ("init", problems.init, problems.INIT_EXAMPLES),
+    ("show", problems.show_problem, problems.SHOW_EXAMPLES),
     ("solve", solve.solve, solve.EXAMPLES),
     ("paper", paper.paper, paper.EXAMPLES),
     ("demos", demos.demos, demos.EXAMPLES),

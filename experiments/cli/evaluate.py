@@ -43,7 +43,7 @@ def evaluate(
         ),
     ] = "",
     scenario: Annotated[
-        str, typer.Option(help="Name of a scenario or distribution.", show_default="the policy's own")
+        str, typer.Option(help="Name or file of a scenario or distribution.", show_default="the policy's own")
     ] = "",
     pretrained: Annotated[str, typer.Option(help="Name of a pretrained policy.", show_default=False)] = "",
     agent: Annotated[
@@ -75,7 +75,9 @@ def evaluate(
     ] = 60.0,
     report: Annotated[
         Path | None,
-        typer.Option(help="Also write a page that compares the policy with ours.", show_default=False),
+        typer.Option(
+            help="Also write a page that compares the policy with ours, its scores beside it.", show_default=False
+        ),
     ] = None,
     out: Annotated[
         Path | None,
@@ -122,7 +124,9 @@ def evaluate(
     if report is not None:
         with progress_bar() as bar:
             page = write_page(submitted, report, command=command_line(), timeout=timeout, bar=bar)
+        beside = page.resolve().with_suffix("")
         messages.print(f"report: {page.resolve()}", soft_wrap=True)
+        messages.print(f"its scores: {beside}.json, and {beside}/, from which a further run resumes", soft_wrap=True)
 
 
 def score_cells(row: dict[str, Any]) -> list[str]:

@@ -14,7 +14,7 @@ EXAMPLES = "Example: flatquad play hoop --speed 0.25; flatquad play slalom --vid
 
 def play(
     scenario: Annotated[
-        str, typer.Argument(help="Name of a scenario or distribution; `flatquad list` shows them.")
+        str, typer.Argument(help="A scenario or distribution: a name that `flatquad list` shows, or a file.")
     ] = "hoop",
     speed: Annotated[float, typer.Option(help="Speed of the simulation relative to real time.")] = 0.25,
     ghost: Annotated[bool, typer.Option(help="Show the best-known flight as a ghost.")] = True,

@@ -23,12 +23,12 @@ from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
-import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common import env_util
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 import agents
+from agents.training.threads import torch_threads
 from experiments.files import Row
 from experiments.measurements.interleaved import Candidate, batch, interleaved, ratio, single
 from experiments.measurements.sections import Advance, Section, fresh_process, median
@@ -147,10 +147,10 @@ def output(code: str, **environment: str) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True, env=os.environ | environment).stdout
 
 
+@torch_threads()
 def sb3(quick: bool, advance: Advance) -> list[Row]:
     """How many steps a second reach Stable-Baselines3, compared with as many CartPoles in its DummyVecEnv?"""
     rounds, seconds, n = (2, 0.01, 16) if quick else (ROUNDS, 2 * SECONDS, BASELINE_ENVS)
-    torch.set_num_threads(1)
     dummy = DummyVecEnv([partial(gym.make, BASELINE)] * n)
     candidates = [
         sb3_candidate(f"DummyVecEnv of {BASELINE}", dummy),
@@ -174,13 +174,13 @@ def sb3_candidate(what: str, envs: VecEnv, pool_size: int = 4) -> Candidate:
     return Candidate(what, envs.num_envs, play)
 
 
+@torch_threads()
 def ppo(quick: bool, advance: Advance) -> list[Row]:
     """How many steps a second does PPO train on, end to end? Network, rollout, minibatch and epochs are the same.
 
     A rollout has 16,384 steps: 256 of our environments for 64 steps, 64 CartPoles for 256 steps.
     """
     rounds, rollout, ours_n, baseline_n = (2, 64, 8, 4) if quick else (4, 16384, 256, 64)
-    torch.set_num_threads(1)
     rows: list[Row] = []
     for i, minibatch in enumerate([32, 16] if quick else MINIBATCHES):
         baseline = ppo_candidate(BASELINE, env_util.make_vec_env(BASELINE, baseline_n), rollout, minibatch)

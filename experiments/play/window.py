@@ -32,9 +32,15 @@ def play(problem: str, speed: float = 0.25, ghost: bool = True, video: Path | No
         speed: speed of time; 1 is real time.
         ghost: whether to draw the best-known flight.
         video: a .mp4 or .gif file to record to.
+
+    Raises:
+        OSError: without a display.
     """
     session = Session(problem, speed, ghost)
     window = Window(f"FlatQuad: {session.scenario.name}", SIZE, FRAMES_PER_SECOND)
+    if not window.visible:
+        window.close()
+        raise OSError("no display was found to fly on; the variable SDL_VIDEODRIVER can name a driver")
     try:
         seen = frames(session, pygame_events(), window)
         if video is None:

@@ -13,6 +13,7 @@ import numpy as np
 from experiments.benchmark.agents import display_name
 from experiments.benchmark.conditions import COMBINED, NOMINAL
 from experiments.benchmark.formats import describe_disturbances, format_count, format_gap, format_success, join_names
+from experiments.benchmark.shipped import EARLIER, shown_name
 from experiments.benchmark.summary import (
     TARGET_GAP,
     TARGET_SUCCESS,
@@ -60,7 +61,7 @@ def scores(results: Row) -> str:
             f"`{problem}`",
             f"{times[problem]:.4f}" if problem in times else "varies",
             f"{results['k_star'][problem][0]:.0f}" if problem in times else "varies",
-            display_name(agent),
+            shown_name(agent, cells_of(results, problem, agent)),
             format_success(found[problem, agent, NOMINAL]),
             format_gap(found[problem, agent, NOMINAL]),
             format_success(found[problem, agent, COMBINED]),
@@ -70,6 +71,8 @@ def scores(results: Row) -> str:
         for problem, agent in pairs(found)
     ]
     note = f"{provenance_sentence(results, PACKAGES)} Disturbed: success with wind, a mass error and a delay at once."
+    if any(EARLIER in row for row in rows):
+        note += " An earlier policy is one that is no longer shipped; the next run flies today's."
     return markdown(head, rows) + "\n\n" + paragraph(note)
 
 

@@ -1,16 +1,27 @@
-"""The named scenarios: a table with their best-known solutions, and two sheets of pictures, drawn as plain SVG."""
+"""The named scenarios: a table with their best-known solutions, and two sheets of pictures, drawn as plain SVG.
+
+`sketch` draws any scenario in the same way.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
+from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
+from imageio.v3 import imwrite
 from numpy.typing import ArrayLike
 
+from experiments.files import check_output
 from experiments.publishing.markdown import markdown
-from flatgym import DISTRIBUTIONS, SCENARIOS, Scenario, reference
+from flatgym import DISTRIBUTIONS, SCENARIOS, Hoop, Scenario, reference
+from flatgym.files import write_text, write_whole
 from flatgym.quadrotor import Array
+from flatgym.rendering.instant import NEAR
 from flatgym.scenarios.reference import ghost_states
 from flatgym.scenarios.tracks import TRACKS
 
@@ -30,6 +41,10 @@ VEHICLE, EVERY = 0.34, 6
 """Drawn length of the vehicle [m], and the steps between two drawings of it."""
 LARGEST_SCALE = 50.0
 """Largest number of pixels of a metre."""
+SKETCH_WIDTH, SKETCH_HEIGHTS, ARROW = 900.0, (240.0, 700.0), 18.0
+"""Width and limits of the height of a sketch, and length of the arrow at a hoop [px]."""
+PICTURES = (".svg", ".png", ".html")
+"""Endings of pictures of a scenario."""
 INK, PATH, THRUST, HOOP, GROUND = "#20242a", "#2f6fb3", "#e0a030", "#d1495b", "#8a8f98"
 OPENING = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" width="{width:.0f}" '
@@ -75,20 +90,64 @@ def drawing(rows: Sequence[Sequence[tuple[str, float]]], heights: Sequence[float
     for row, tall in zip(rows, heights, strict=True):
         left = 0.0
         for name, wide in row:
-            parts.append(f'<g transform="translate({left:.0f} {top:.0f})">{picture(name, wide, tall)}</g>')
+            drawn = picture(name, *scenario_and_flight(name), wide, tall)
+            parts.append(f'<g transform="translate({left:.0f} {top:.0f})">{drawn}</g>')
             left += wide
         top += tall + CAPTION
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
-def picture(name: str, width: float, height: float) -> str:
-    """Return the elements of one picture: a named scenario with its best-known flight, or a sampled track."""
-    scenario, states = scenario_and_flight(name)
-    rims = [rim for hoop in scenario.hoops for rim in hoop.rims]
-    frame = Frame.of(np.array([*states[:, 0:2], scenario.start, scenario.goal, *rims]), width, height)
-    parts = [f'<text x="{width / 2:.0f}" y="18" text-anchor="middle" fill="{INK}">{name}</text>']
-    if scenario.floor is not None:
-        parts.append(frame.level(scenario.floor))
+def write_sketch(path: Path, scenario: Scenario, states: Array) -> None:
+    """Write a picture of a scenario: `sketch` to a .svg or .html file, or the environment's picture to a .png file.
+
+    Args:
+        path: the file.
+        scenario: the scenario.
+        states: of a flight through it, shape (n, 5), or none, shape (0, 5).
+
+    Raises:
+        ValueError, OSError: as in `check_output`.
+    """
+    check_output(path, PICTURES)
+    title = f"{scenario.name}: flown in {len(states) - 1} steps" if len(states) else f"{scenario.name}: no flight yet"
+    if path.suffix == ".svg":
+        write_text(path, sketch(scenario, states, title))
+    elif path.suffix == ".html":
+        head = f'<!doctype html>\n<meta charset="utf-8">\n<title>{escape(title)}</title>\n'
+        write_text(path, head + sketch(scenario, states, title))
+    else:
+        ghost = states if len(states) else False
+        env = gym.make("FlatQuad-v0", scenario=scenario, render_mode="rgb_array", ghost=ghost)
+        env.reset(seed=0)
+        frame = np.asarray(env.render())
+        write_whole(path, lambda temporary: imwrite(temporary, frame))
+        env.close()
+
+
+def sketch(scenario: Scenario, states: Array, title: str) -> str:
+    """Return a picture of a scenario as SVG, with the numbers of its hoops and arrows in their directions.
+
+    Args:
+        scenario: the scenario.
+        states: of a flight through it, shape (n, 5), or none, shape (0, 5).
+        title: one line.
+    """
+    across, up = np.ptp(shown(scenario, states, limits=True), axis=0) + VEHICLE
+    width, height = SKETCH_WIDTH, float(np.clip(SKETCH_WIDTH * up / across, *SKETCH_HEIGHTS)) + 2 * EDGE
+    parts = [
+        OPENING.format(width=width, height=height + CAPTION),
+        f'<rect width="{width:.0f}" height="{height + CAPTION:.0f}" fill="#fff"/>',
+        picture(title, scenario, states, width, height, numbered=True),
+    ]
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+def picture(title: str, scenario: Scenario, states: Array, width: float, height: float, numbered: bool = False) -> str:
+    """Return the elements of one picture: a scenario with a flight, or with straight lines if `states` is empty."""
+    points = shown(scenario, states, limits=numbered)
+    frame = Frame.of(points, width, height, math.inf if numbered else LARGEST_SCALE)
+    parts = [f'<text x="{width / 2:.0f}" y="18" text-anchor="middle" fill="{INK}">{escape(title)}</text>']
+    parts += [frame.level(limit) for limit in (scenario.floor, scenario.ceiling) if limit is not None]
     if len(states):
         parts.append(frame.polyline(states[:, 0:2], f'stroke="{PATH}" stroke-width="1.5"'))
     else:
@@ -100,8 +159,18 @@ def picture(name: str, width: float, height: float) -> str:
         arm = VEHICLE / 2 * np.array([cos, -sin])
         parts.append(frame.line(centre - arm, centre + arm, PATH, 2))
     parts += [frame.line(hoop.rims[0], hoop.rims[1], HOOP, 3) for hoop in scenario.hoops]
+    if numbered:
+        parts += [frame.arrow(hoop, f"{i}") for i, hoop in enumerate(scenario.hoops, start=1)]
     parts += [frame.dot(scenario.start, 5.5, "#fff"), frame.dot(scenario.goal, 4, INK)]
     return "".join(parts)
+
+
+def shown(scenario: Scenario, states: Array, limits: bool) -> Array:
+    """Return the points that a picture has to show [m], shape (n, 2); with `limits`, also floor and ceiling if near."""
+    rims = [rim for hoop in scenario.hoops for rim in hoop.rims]
+    points = np.array([*states[:, 0:2], scenario.start, scenario.goal, *rims])
+    heights = [height for height in scenario.heights if limits and np.abs(points[:, 1] - height).min() <= NEAR]
+    return np.array([*points, *((scenario.start[0], height) for height in heights)])
 
 
 def scenario_and_flight(name: str) -> tuple[Scenario, Array]:
@@ -128,11 +197,11 @@ class Frame:
     height: float
 
     @classmethod
-    def of(cls, points: Array, width: float, height: float) -> Frame:
-        """Return the frame that shows points, shape (n, 2), and a vehicle at each of them."""
+    def of(cls, points: Array, width: float, height: float, largest: float) -> Frame:
+        """Return the frame that shows points, shape (n, 2), and a vehicle at each; `largest` is the largest scale."""
         low, high = points.min(axis=0) - VEHICLE / 2, points.max(axis=0) + VEHICLE / 2
         fits = (np.array([width, height]) - 2 * EDGE) / (high - low)
-        return cls((low + high) / 2, float(min(*fits, LARGEST_SCALE)), width, height)
+        return cls((low + high) / 2, float(min(*fits, largest)), width, height)
 
     def place(self, point: ArrayLike) -> tuple[float, float]:
         """Return the pixels of a point [m]."""
@@ -149,6 +218,15 @@ class Frame:
         """Return the line through points, shape (n, 2)."""
         corners = " ".join(f"{x},{y}" for x, y in map(self.place, points))
         return f'<polyline points="{corners}" fill="none" {style}/>'
+
+    def arrow(self, hoop: Hoop, number: str) -> str:
+        """Return an arrow in the direction of a hoop, and its number beside its upper end."""
+        tip, size = hoop.centre + ARROW / self.scale * hoop.direction, ARROW / 3 / self.scale
+        wings = [tip - size * (hoop.direction + side * hoop.across) for side in (-1, 1)]
+        lines = [(hoop.centre, tip), (tip, wings[0]), (tip, wings[1])]
+        x, y = self.place(hoop.rims[1] + 12 / self.scale * hoop.across)
+        label = f'<text x="{x}" y="{y + 4}" text-anchor="middle" font-size="12" fill="{HOOP}">{number}</text>'
+        return "".join(self.line(one, other, HOOP, 1) for one, other in lines) + label
 
     def level(self, height: float) -> str:
         """Return a line at a height [m], across the picture."""

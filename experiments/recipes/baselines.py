@@ -15,6 +15,7 @@ from agents.controllers.cascaded_pd import CascadedPD
 from agents.controllers.mpc import MPC
 from agents.controllers.tracking import Expert, OpenLoop
 from agents.policies import archive
+from agents.policies.fingerprint import fingerprint
 from agents.policies.policy import Policy
 from experiments.recipes.margins import robust_flight, with_margins
 from experiments.recipes.plans import plan_flights
@@ -84,6 +85,7 @@ def cascaded_pd(spec: RunSpec) -> TrainedAgent:
 def pretrained(spec: RunSpec) -> TrainedAgent:
     """Return the policy that comes with the package, with the cost that its card states."""
     card = json.loads((archive.PRETRAINED / f"{spec.problem}.json").read_text(encoding="utf-8"))
-    score = card["score"]
+    score, policy = card["score"], policies.pretrained(spec.problem)
     cost = score["env_steps"] or 0, 0, score["wall_time_s"]
-    return TrainedAgent(policies.pretrained(spec.problem), score["algorithm"], (), (), *cost)
+    file = fingerprint(archive.PRETRAINED / f"{spec.problem}.zip")
+    return TrainedAgent(policy, score["algorithm"], (), (), *cost, fingerprint=file)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from typing import Any
 
-import torch
 from stable_baselines3 import PPO
 
 from agents.evaluation.validation import VALIDATION_SEED, Point
@@ -18,6 +17,7 @@ from agents.imitation.dataset import ExpertData
 from agents.imitation.dataset_aggregation import DaggerConfig, ExpertOracle, dagger
 from agents.imitation.oracles import combined_oracle, lqr_oracle
 from agents.imitation.selection import BestPolicy
+from agents.training.threads import torch_threads
 from experiments.recipes.margins import robust_flight
 from experiments.recipes.plans import plan_flights
 from experiments.recipes.run_spec import RunSpec, TrainedAgent
@@ -70,9 +70,9 @@ def shared_config(spec: RunSpec, gradient_steps: int) -> dict[str, Any]:
     return shared | validation | (DISTRIBUTION_NETWORK if spec.is_distribution else {})
 
 
+@torch_threads()
 def train_bc(spec: RunSpec) -> TrainedAgent:
     """Train by behaviour cloning of expert episodes."""
-    torch.set_num_threads(1)
     config = CloneConfig(**shared_config(spec, spec.budget.gradient_steps[spec.is_distribution]))
     oracle, planning_s = oracle_for(spec, spec.budget.expert_rollouts)
     best = BestPolicy(config, on_validation=oracle.add_cost)
@@ -82,9 +82,9 @@ def train_bc(spec: RunSpec) -> TrainedAgent:
     return TrainedAgent(model, "BC", [config], best.curve, 0, oracle.expert_labels, best.elapsed, planning_s)
 
 
+@torch_threads()
 def train_dagger(spec: RunSpec) -> TrainedAgent:
     """Train by DAgger, until K* is reached on a scenario or the budget is spent."""
-    torch.set_num_threads(1)
     budget, which = spec.budget, spec.is_distribution
     shared = shared_config(spec, budget.round_gradient_steps[which])
     config = DaggerConfig(rounds=budget.rounds[which], max_seconds=budget.dagger_s, **shared)

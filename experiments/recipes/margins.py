@@ -19,7 +19,9 @@ HOOP_MARGINS = {"hoop": 0.3, "high-hoop": 0.08, "slalom": 0.02, "loop": 0.03}
 GUIDE_HOOPS = {"ground-6": (Hoop(3.0, 0.6, 1.0),)}
 """Hoops added for planning, by scenario. This one lies 10 cm above the floor, and costs no step."""
 HOOP_SHARE = 0.5
-"""Share of a hoop's free width that is used in planning scenarios without a name. It costs two steps."""
+"""Share of a hoop's free width that is used in planning sampled scenarios. It costs two steps."""
+OWN_MARGIN = 0.05
+"""By how much hoop diameters of a scenario of one's own are reduced for planning [m], but not below HOOP_SHARE."""
 
 
 def with_hoop_margin(scenario: Scenario, margin: float) -> Scenario:
@@ -34,10 +36,12 @@ def with_hoop_share(scenario: Scenario, share: float) -> Scenario:
 
 
 def with_margins(scenario: Scenario) -> Scenario:
-    """Return a scenario with the margins and guide hoops of its expert flight; one without a name with HOOP_SHARE."""
+    """Return a scenario with the margins and guide hoops of its expert flight; one of one's own with OWN_MARGIN."""
     known = reference(scenario)
     if known is None:
-        return with_hoop_share(scenario, HOOP_SHARE)
+        tightened = with_hoop_share(scenario, HOOP_SHARE)
+        pairs = zip(scenario.hoops, tightened.hoops, strict=True)
+        return scenario.with_diameters(max(hoop.diameter - OWN_MARGIN, less.diameter) for hoop, less in pairs)
     tightened = with_hoop_margin(scenario, HOOP_MARGINS.get(known.scenario, 0.0))
     return replace(tightened, hoops=tightened.hoops + GUIDE_HOOPS.get(known.scenario, ()))
 

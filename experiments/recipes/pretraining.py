@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import joblib
-import torch
 
 from agents import policies
 from agents.evaluation.scores import evaluate
@@ -28,6 +27,7 @@ from agents.imitation.dataset_aggregation import DaggerConfig, dagger
 from agents.imitation.oracles import combined_oracle, lqr_oracle
 from agents.imitation.selection import BestPolicy
 from agents.policies.compact import rounded
+from agents.training.threads import torch_threads
 from experiments.files import USER_RESULTS, plain, write_json
 from experiments.provenance import provenance
 from experiments.recipes.imitation import DISTRIBUTION_NETWORK
@@ -81,9 +81,9 @@ def pretrain(
     yield from joblib.Parallel(n_jobs=-1, return_as="generator_unordered")(calls)
 
 
+@torch_threads()
 def pretrain_scenario(name: str, seed: int, out: Path, command: str) -> Card:
     """Train a policy for one scenario, write it and its card, and return the card."""
-    torch.set_num_threads(1)
     began = time.perf_counter()
     stages = [(replace(config, scenario=name, seed=seed), spread) for config, spread in STAGES]
     flight = robust_flight(SCENARIOS[name])
@@ -103,7 +103,6 @@ def pretrain_distribution(
     name: str, seed: int, out: Path, command: str, jobs: int = -1, watch: Callable[[Point], Any] = lambda _: None
 ) -> Card:
     """Train a policy for a distribution, write it and its card, and return the card; arguments as of `pretrain`."""
-    torch.set_num_threads(joblib.effective_n_jobs(jobs))
     began, distribution = time.perf_counter(), DISTRIBUTIONS[name]
     config = replace(DISTRIBUTION_CONFIGS[name], scenario=name, seed=seed)
     scenarios = [with_hoop_share(distribution.scenario(i), HOOP_SHARE) for i in range(N_FLIGHTS[name])]
@@ -111,7 +110,9 @@ def pretrain_distribution(
     flights = fewest_steps_many(scenarios, jobs=jobs, store=STORE)
     planned = time.perf_counter()
     best = BestPolicy(config, on_validation=watch)
-    model = dagger(untrained_policy(config), combined_oracle(flights, distribution, seed=seed, jobs=jobs), config, best)
+    oracle = combined_oracle(flights, distribution, seed=seed, jobs=jobs)
+    with torch_threads(joblib.effective_n_jobs(jobs)):
+        model = dagger(untrained_policy(config), oracle, config, best)
     training_s = time.perf_counter() - began
     policies.save(rounded(model), out / f"{name}.zip", name)
     score = score_row(model, name, N_EPISODES[name], best, training_s, command)

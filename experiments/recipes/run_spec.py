@@ -138,6 +138,7 @@ class TrainedAgent:
         expert_labels: steps labelled by an expert.
         training_s: training time on one core [s].
         planning_s: time to plan the demonstrations beforehand, on all cores [s].
+        fingerprint: of the policy's file, where it has one (`agents.policies.fingerprint`).
     """
 
     policy: Policy
@@ -148,3 +149,4 @@ class TrainedAgent:
     expert_labels: int = 0
     training_s: float = 0.0
     planning_s: float = 0.0
+    fingerprint: str | None = None

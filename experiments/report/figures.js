@@ -1,4 +1,5 @@
-// Figures: Plotly is decompressed after the page is visible, and each figure is drawn when it is near the viewport.
+// Figures: Plotly is decompressed after the page is visible. Figures near the viewport are drawn at once, the others one
+// by one while the page is idle, so that a picture of the whole page has them.
 "use strict";
 (() => {
   const { dark, charts } = JSON.parse(document.getElementById("figures").textContent);
@@ -88,6 +89,18 @@
     drawAll();
   });
 
+  function drawRest() {
+    const next = places.find((place) => !near.has(place) && place.clientWidth); // closed parts have no width
+    if (!next) {
+      document.documentElement.dataset.figures = "drawn";
+      return;
+    }
+    watch.unobserve(next);
+    near.add(next);
+    draw(next);
+    idle(drawRest);
+  }
+
   async function decompressed(text) {
     const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
@@ -102,7 +115,7 @@
     document.head.append(script);
     ready = true;
     drawAll();
-    document.documentElement.dataset.figures = "ready";
+    idle(drawRest);
   }
 
   function fail(error) {

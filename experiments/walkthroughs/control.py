@@ -50,8 +50,8 @@ except ValueError as refusal:
 
 # %%
 solution = optimal.solve(window, max_gap=None)  # the bound is proven below
-print(solution.status)
-print(f"T* = {solution.time:.5f} s, winding {solution.winding}, in {solution.solve_time:.2f} s of solving")
+print(solution.headline)
+print(f"T = {solution.time:.5f} s, winding {solution.winding}, in {solution.solve_time:.2f} s of solving")
 
 # %% [markdown]
 # ## The certificate

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,6 +51,10 @@ class Starts:
         if not 0 <= number("Starts", "share", self.share) <= 1:
             raise ValueError(f"Starts.share must lie in [0, 1], got {self.share}")
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as lists and numbers, ready for JSON; `Starts(**fields)` is the inverse."""
+        return {"state": self.state.tolist(), "hoops_passed": self.hoops_passed.tolist(), "share": float(self.share)}
+
 
 def check_states(state: ArrayLike, shape: tuple[int, ...], name: str) -> Array:
     """Return states of shape (*shape, 5) as float64; a ValueError for another shape, and beyond STATE_MOST."""
@@ -72,7 +77,7 @@ class EnvConfig:
         reward: "shaped" or "sparse".
         observation: "features" or "state".
         disturbances: wind, thrust and mass errors, delay, sensor noise.
-        starts: pool of start states; only with a scenario, not with a distribution.
+        starts: pool of start states, or its `to_dict`; only with a scenario, not with a distribution.
         steps_most: truncate after this many steps if that is earlier than the problem's time limit.
         margin: tolerance, gaps and heights are wider by this [m, m/s, rad], tighter if negative. A replay with a small
             margin shows whether a flight depends on rounding.
@@ -95,6 +100,8 @@ class EnvConfig:
             raise ValueError(f"unknown reward {self.reward!r}; known: {', '.join(REWARDS)}")
         if self.steps_most is not None:
             whole("max_episode_steps", self.steps_most, 1, STEPS_MOST)
+        if isinstance(self.starts, dict):
+            object.__setattr__(self, "starts", _starts(self.starts))
         if self.starts is None:
             return
         if not isinstance(self.starts, Starts):
@@ -137,3 +144,11 @@ class EnvConfig:
     def hoops_most(self) -> int:
         """Maximum number of hoops of an episode."""
         return len(self.problem.hoops) if isinstance(self.problem, Scenario) else self.problem.hoops[1]
+
+
+def _starts(fields: dict[str, Any]) -> Starts:
+    """Return the pool of a `to_dict`."""
+    try:
+        return Starts(**fields)
+    except TypeError as error:
+        raise ValueError(f"not a pool of starts: {error}") from None

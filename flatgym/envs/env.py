@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike, NDArray
 
 from flatgym.envs.config import EnvConfig, Starts
@@ -14,6 +14,7 @@ from flatgym.envs.fleet import END, HOOPS_PASSED, OUTCOME, REWARD, STEPS, TIME, 
 from flatgym.envs.fleet_selection import make_fleet
 from flatgym.envs.resetting import check_options, check_seed, known_k_star, start_episodes
 from flatgym.envs.spaces import action_space, observation_space, take_actions
+from flatgym.envs.specification import plain_spec
 from flatgym.rendering.recorder import EpisodeRecorder
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.catalogue import DEFAULT_SCENARIO, ProblemLike
@@ -113,10 +114,11 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     | hoops_passed | hoops passed so far |
     | is_success | whether the outcome is "goal" |
     | outcome | one of `flatgym.OUTCOMES`; "flying" until the episode ends |
-    | k_star | K*, the fewest steps of the best-known solution of this episode; NaN if unknown |
+    | k_star | K*, the fewest steps of the best-known solution of this episode; 0 if unknown |
 
-    At the goal, `info["steps"] / info["k_star"] - 1` is the gap. K* is that of the undisturbed vehicle. It is NaN for
-    episodes that start in another state, and for distributions after the first episode of a seed.
+    At the goal, `info["steps"] / info["k_star"] - 1` is the gap. K* is that of the undisturbed vehicle. It is unknown
+    for scenarios other than the named ones, for episodes that start in another state, and for distributions except for
+    the first episodes of the evaluation's seeds.
 
     ## Arguments
     | argument | default | meaning |
@@ -139,7 +141,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     v0: first release.
     """
 
-    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 50}
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 50}
 
     def __init__(
         self,
@@ -158,6 +160,8 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
     ) -> None:
         disturbances = Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise)
         config = EnvConfig(catalogue.problem(scenario), reward, observation, disturbances, starts)
+        self.metadata = self.metadata | {"render_fps": 1 / config.dt}
+        self._spec: EnvSpec | None = None
         self.recorder = EpisodeRecorder(config.problem, render_mode, ghost, scored=not disturbances.active)
         self.fleet = make_fleet(config, 1)
         self._action = self.fleet.actions[0]
@@ -165,12 +169,21 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         self.observation_space = observation_space(observation)
         self.action_space = action_space()
         self._outcome: int | None = None
-        self._k_star = math.nan
+        self._k_star = 0
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a copy: its action is a view of its own fleet's actions."""
         self.__dict__.update(state)
         self._action = self.fleet.actions[0]
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """Gymnasium's specification, as plain data; None without `gym.make`."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = plain_spec(spec, self.fleet.config)
 
     @property
     def scenario(self) -> Scenario:
@@ -193,10 +206,11 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         seeds = None if seed is None else np.array([seed], dtype=np.uint64)
         options = check_options(options)
         observation, record = start_episodes(self.fleet, ALL, seeds, options)
-        self._k_star = math.nan if options else float(known_k_star(self.fleet, first=seeds is not None)[0])
+        self._k_star = 0 if options else int(known_k_star(self.fleet, first=seeds is not None)[0])
         self._outcome, info = FLYING, self._info(record.numbers[:, 0].tolist())
-        if self.render_mode is not None:  # building a sampled scenario takes longer than the reset
-            self.recorder.start(self.scenario, info)
+        if self.render_mode is not None:
+            self.recorder.start(info)
+            self._show()
         return observation[0], info
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -223,16 +237,21 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
         info, end = self._info(row), int(row[END])
         self._outcome = end
         if self.render_mode is not None:
-            self.recorder.add(float(self.fleet.controls()[0, 0]), info)
+            self.recorder.add(float(self._action[0]), info)
+            self._show()
         return result.observation[0], row[REWARD], end not in (FLYING, TIME_LIMIT), end == TIME_LIMIT, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a picture of the episode so far, shape (720, 960, 3); None in mode "human", which shows every step."""
-        return self.recorder.draw()
+        return self.recorder.draw(self.scenario) if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
-        """Close the window, if there is one."""
+        """Close the window, if there is one; the next episode opens it again."""
         self.recorder.close()
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            self.recorder.draw(self.scenario)
 
     def _info(self, row: list[float]) -> dict[str, Any]:
         outcome = int(row[OUTCOME])

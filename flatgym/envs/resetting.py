@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
 from flatgym.envs.config import EnvConfig, check_states
 from flatgym.envs.fleet import Fleet, Mask, ResetResult, Seeds
-from flatgym.quadrotor import Array
 from flatgym.scenarios.distributions import Distribution
 from flatgym.scenarios.reference import k_star_of, reference
+from flatgym.task.scene import Integers
 from flatgym.validation import numbers
 
 OPTIONS = ("state", "hoops_passed")
@@ -55,8 +54,8 @@ def start_episodes(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[
     return fleet.reset(mask, state, passed)
 
 
-def known_k_star(fleet: Fleet, first: bool) -> Array:
-    """Return K* of the current episodes from their own starts, shape (n,), NaN where it is unknown.
+def known_k_star(fleet: Fleet, first: bool) -> Integers:
+    """Return K* of the current episodes from their own starts, shape (n,), 0 where it is unknown.
 
     Args:
         fleet: n vehicles.
@@ -64,16 +63,16 @@ def known_k_star(fleet: Fleet, first: bool) -> Array:
     """
     config = fleet.config
     if first and config.starts is None and isinstance(config.problem, Distribution):
-        return k_star_of(config.problem, fleet.seeds)
+        return np.nan_to_num(k_star_of(config.problem, fleet.seeds), nan=0.0).astype(np.int64)
     return np.full(fleet.n, scenario_k_star(config))
 
 
-def scenario_k_star(config: EnvConfig) -> float:
-    """Return K* of the scenario; NaN if it is unknown, for a distribution, and with a pool of starts."""
+def scenario_k_star(config: EnvConfig) -> int:
+    """Return K* of the scenario; 0 if it is unknown, for a distribution, and with a pool of starts."""
     if config.starts is not None or isinstance(config.problem, Distribution):
-        return math.nan
+        return 0
     known = reference(config.problem)
-    return float(known.k_star) if known else math.nan
+    return known.k_star if known else 0
 
 
 def check_seed(seed: Any) -> int:

@@ -17,6 +17,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +28,7 @@ from flatgym.envs.fleet_selection import make_fleet
 from flatgym.envs.outcome_strings import OutcomeStrings
 from flatgym.envs.resetting import OPTIONS, check_options, check_seed, known_k_star, scenario_k_star, start_episodes
 from flatgym.envs.spaces import action_space, observation_space, take_actions
+from flatgym.envs.specification import plain_spec
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.catalogue import DEFAULT_SCENARIO, Problem, ProblemLike
 from flatgym.scenarios.disturbances import Disturbances
@@ -79,6 +81,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         disturbances = Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise)
         problem = catalogue.problem(scenario)
         config = EnvConfig(problem, reward, observation, disturbances, starts, max_episode_steps)
+        self._spec: EnvSpec | None = None
         self.num_envs = num_envs
         self.autoreset_mode = _mode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
@@ -93,12 +96,21 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         self._outcomes = OutcomeStrings(num_envs)
         self._begun = False
         self._ended = _NONE  # vehicles whose episode has ended and that have not been reset
-        self._k_star = np.full(num_envs, np.nan)
+        self._k_star = np.zeros(num_envs, dtype=np.int64)  # 0 where unknown
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a copy; NumPy's copy of the read-only mask is writable."""
         self.__dict__.update(state)
         self._all.flags.writeable = False
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """Gymnasium's specification, as plain data; None without `gym.make_vec`."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = plain_spec(spec, self.config)
 
     @property
     def config(self) -> EnvConfig:
@@ -111,9 +123,9 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         return self.config.problem
 
     def set_tolerance(self, tolerance: Tolerance) -> None:
-        """Replace the goal tolerance from the next step on; `k_star` of the current episodes becomes NaN."""
+        """Replace the goal tolerance from the next step on; `k_star` of the current episodes becomes 0."""
         self.fleet.set_tolerance(tolerance)
-        self._k_star = np.full(self.num_envs, np.nan)  # K* belongs to the old tolerance
+        self._k_star = np.zeros(self.num_envs, dtype=np.int64)  # K* belongs to the old tolerance
 
     def set_share(self, share: float) -> None:
         """Replace the probability that an episode starts in the pool of starts."""
@@ -148,7 +160,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         seeds = self._seeds(seed)
         observation, record = start_episodes(self.fleet, mask, seeds, options)
         self._begun, self._ended = True, self._ended[~mask[self._ended]]
-        known = np.full(self.num_envs, np.nan) if options else known_k_star(self.fleet, first=seeds is not None)
+        known = 0 if options else known_k_star(self.fleet, first=seeds is not None)
         self._k_star = np.where(mask, known, self._k_star)
         return observation, self._infos(record, self._all, np.flatnonzero(record.numbers[OUTCOME]))
 
@@ -196,7 +208,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             "final_obs": observations,
             "_final_obs": mask,
             "final_info": self._infos(Record.of(np.where(mask, result.final, 0.0)), mask, result.ended)
-            | {"k_star": np.where(mask, self._k_star, 0.0)},
+            | {"k_star": np.where(mask, self._k_star, 0)},
             "_final_info": mask,
         }
 

@@ -22,6 +22,7 @@ import numba
 import numpy as np
 from numba.extending import register_jitable
 
+from flatgym.kernels import compilation
 from flatgym.scenarios.counter_rng import mix, normal, uniform
 from flatgym.scenarios.disturbances import write_disturbances
 from flatgym.scenarios.layouts import uniforms_needed, write_line, write_scene, write_track
@@ -31,7 +32,7 @@ compiled = numba.njit(error_model="numpy")
 """Decorator of functions of one vehicle, for rare work."""
 vectorized = numba.njit(error_model="numpy", fastmath={"contract", "arcp"})
 """Decorator of branch-free loops over a block."""
-cached = numba.njit(cache=True, error_model="numpy")
+cached = compilation.cached(error_model="numpy")
 """Decorator of functions called from Python; the compiled code is stored on disk."""
 for shared in (mix, uniform, normal, uniforms_needed, write_scene, write_line, write_track, write_disturbances):
     register_jitable(shared)

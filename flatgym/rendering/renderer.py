@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 from collections.abc import Iterable
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,22 +36,40 @@ SIZE_LEAST = 64
 """Minimum width and height of a picture [px]."""
 MODES = ("human", "rgb_array")
 VIDEOS = (".mp4", ".gif")
+PLAIN_PYGAME = (
+    "pictures need the package pygame-ce, and the package pygame is installed in its place; run: "
+    "pip uninstall pygame, then: pip install --force-reinstall pygame-ce"
+)
+UNSEEN = ("dummy", "offscreen")
+"""Drivers that SDL falls back to where there is no display, by name."""
 
 
 def load_pygame() -> None:
-    """Import pygame without its greeting; an ImportError names the extra if it is not installed."""
-    require("render", "pygame")
+    """Import pygame-ce without its greeting.
+
+    Raises:
+        ImportError: with the pip command, if it is not installed, or the package pygame in its place.
+    """
+    check_pygame()
     with contextlib.redirect_stdout(io.StringIO()):
-        import pygame  # noqa: F401
+        import pygame
+    if not getattr(pygame, "IS_CE", False):  # both packages write to the same folder
+        raise ImportError(PLAIN_PYGAME)
+
+
+def check_pygame() -> None:
+    """Raise the ImportError of `load_pygame` without importing pygame."""
+    require("render", "pygame")
+    try:
+        version("pygame-ce")
+    except PackageNotFoundError:
+        raise ImportError(PLAIN_PYGAME) from None
 
 
 def check_mode(mode: str | None) -> None:
-    """Raise a ValueError for an unknown render mode, and an ImportError if pygame is not installed."""
-    if mode is None:
-        return
-    if mode not in MODES:
+    """Raise a ValueError for an unknown render mode."""
+    if mode is not None and mode not in MODES:
         raise ValueError(f"unknown render_mode {mode!r}; known: {', '.join(MODES)}, or None for no pictures")
-    require("render", "pygame")
 
 
 class Renderer:
@@ -133,7 +153,11 @@ class Window:
         frames_per_second: maximum rate of `show`; 0 is unlimited.
 
     Raises:
-        OSError: without a display.
+        OSError: if no window can be opened.
+
+    Attributes:
+        visible: False where SDL finds no display and draws in memory instead. True if the variable SDL_VIDEODRIVER
+            names a driver.
     """
 
     def __init__(self, title: str, size: tuple[int, int], frames_per_second: float) -> None:
@@ -145,6 +169,7 @@ class Window:
             self._window: Any = pygame.Window(title, size)
         except pygame.error as error:
             raise OSError(f"no window can be opened ({error}); without a display use rgb_array, or a video") from None
+        self.visible = "SDL_VIDEODRIVER" in os.environ or pygame.display.get_driver() not in UNSEEN
         self._clock, self.frames_per_second = pygame.time.Clock(), frames_per_second
 
     def show(self, canvas: Canvas) -> None:

@@ -6,7 +6,7 @@ import os
 import re
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from flatgym.scenarios.content import hint, parse_json
 from flatgym.scenarios.distributions import DISTRIBUTIONS, Distribution
@@ -18,8 +18,8 @@ ScenarioLike: TypeAlias = str | os.PathLike[str] | Scenario
 """A name, a TOML or JSON file, a scenario as a JSON text, or a Scenario."""
 Problem: TypeAlias = Scenario | Distribution
 """Tasks of an environment."""
-ProblemLike: TypeAlias = str | os.PathLike[str] | Problem
-"""A name, a TOML or JSON file, a task as a JSON text, a Scenario or a Distribution."""
+ProblemLike: TypeAlias = str | os.PathLike[str] | Problem | dict[str, Any]
+"""A name, a TOML or JSON file, a task as a JSON text or as its dict, a Scenario or a Distribution."""
 
 _NAMED = (
     *(Scenario(f"horizontal-{d}", (0.0, 0.0), (float(d), 0.0)) for d in (3, 6, 9, 12, 15)),
@@ -66,6 +66,8 @@ def problem(name: ProblemLike) -> Problem:
         return name
     if isinstance(name, os.PathLike):
         return load(name)
+    if isinstance(name, dict):
+        return _of_dict(name)
     if not isinstance(name, str):
         raise TypeError(f"expected the name of a scenario, a file, a Scenario or a Distribution, got {name!r}")
     if name.startswith("{"):
@@ -81,6 +83,14 @@ def problem(name: ProblemLike) -> Problem:
         f"unknown scenario {name!r}; known: {', '.join(known)}, NAME-SEED-EPISODE of a distribution, and files "
         f"*{' and *'.join(SUFFIXES)}{advice}"
     )
+
+
+def _of_dict(data: dict[str, Any]) -> Problem:
+    """Return the task of a `to_dict`, and of the fields of a distribution, which datasets hold without the kind."""
+    try:
+        return from_dict({"kind": "distribution"} | data if "half_width" in data else data)
+    except ValueError as error:
+        raise ValueError(f"not a scenario: {error}") from None
 
 
 def named(name: str) -> Problem | None:

@@ -33,7 +33,7 @@ SCHEMA = 2
 """Version of `reference.json`; others are rejected."""
 FILE = "reference.json"
 EVALUATION_SEED = 1_000_000
-"""First seed of the evaluation episodes; training uses smaller seeds."""
+"""First seed of the evaluation episodes; training uses seeds well below, or far above."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,9 @@ from optimal.flights.trajectory import Trajectory
 DEFAULT_BEND = np.array([0.0, 0.0, 0.3])
 """Detour of the default guess in x [m], z [m], theta [rad]. It has a little tilt, because on vertical displacements
 the mirror-symmetric flight is a saddle from which no gradient leads away."""
+STRAIGHT_LENGTH = 0.1
+"""Length of the way up to which the default guess has no detour [m]. Such short ways gain less than 0.1 % by it, and
+from a tilted guess the solver often does not converge."""
 
 RANDOM_BEND = np.array([1.0, 1.0, 1.0])
 """Standard deviations of the detours of random guesses in x [m], z [m], theta [rad]."""
@@ -30,7 +33,8 @@ def first_guess(
         generator: samples duration and detour; None gives the default guess.
     """
     q, lengths = scenario.quadrotor, geometry(scenario).lengths
-    duration, bend = 2 * np.sqrt(lengths.sum() / (q.thrust_max - q.gravity)) + 0.3, DEFAULT_BEND
+    duration = 2 * np.sqrt(lengths.sum() / (q.thrust_max - q.gravity)) + 0.3
+    bend = DEFAULT_BEND * (lengths.sum() > STRAIGHT_LENGTH)
     if generator is not None:
         duration *= generator.uniform(0.7, 1.8)
         bend = generator.normal(0.0, RANDOM_BEND)

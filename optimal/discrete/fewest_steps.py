@@ -77,6 +77,15 @@ class FewestSteps:
         """Whether no flight needs fewer steps: lower_bound = steps."""
         return self.lower_bound >= self.steps
 
+    @property
+    def trajectory(self) -> Trajectory | None:
+        """The flight under the held controls of the actions; None if no flight was found."""
+        if not len(self.actions):
+            return None
+        quadrotor = self.scenario.quadrotor
+        time: Array = self.scenario.dt * np.arange(len(self.states), dtype=np.float64)
+        return Trajectory(time, self.states, quadrotor.control(self.actions), quadrotor)
+
     @classmethod
     def failed(cls, target: Scenario, status: Status, reason: str = "", lower_bound: int = 0) -> Self:
         """Return the answer without a flight."""

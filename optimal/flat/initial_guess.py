@@ -14,11 +14,29 @@ from optimal.flat.program_data import LEAST_SQUARED_SPEED
 from optimal.flat.trajectory import FlatTrajectory
 
 INITIAL_SQUARED_SPEED = 0.05
-"""The small b of section II-E [1/s^2]."""
+"""The small b of section II-E [speed_unit]."""
+UNIT_STEP, UNIT_STEPS, UNIT_INTERVALS = 4.0, 40, 16
+"""Factor between the units of b that are tried, most of them, and intervals of the grid on which limits are sampled."""
 SPURIOUS_VIOLATION = 1.0
 """A first solution that violates a limit between checks by more than this, relative to its scale, is rejected."""
 TRUST_REGION_STEPS, LEAST_GAIN = 8, 1e-3
 """Most trust-region steps after a rejected first solution, and the relative gain in time below which they stop."""
+
+
+def speed_unit(problem: PlanningProblem) -> float:
+    """Return the greatest power of UNIT_STEP [1/s^2] in which the initial guess keeps all limits.
+
+    Returns 1 if none of the first UNIT_STEPS powers upwards or downwards is the greatest.
+    """
+    start = central(problem, UNIT_INTERVALS)
+
+    def feasible(unit: float) -> bool:
+        return constraint_violation(motion(replace(problem, speed_unit=unit), start)) == 0
+
+    powers = [UNIT_STEP**k for k in range(UNIT_STEPS)]
+    if feasible(1.0):
+        return next((unit for unit in powers if not feasible(unit * UNIT_STEP)), 1.0)
+    return next((1 / unit for unit in powers if feasible(1 / unit)), 1.0)
 
 
 def slow_start(problem: PlanningProblem, intervals: int) -> Iterate:
@@ -68,5 +86,5 @@ def motion(problem: PlanningProblem, iterate: Iterate) -> FlatTrajectory:
         problem.outer_paths,
         iterate.nodes,
         weights.spline(iterate.weights),
-        speed.spline(iterate.squared_speed),
+        speed.spline(problem.speed_unit * iterate.squared_speed),
     )

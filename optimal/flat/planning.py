@@ -14,16 +14,18 @@ its nodes. `checks="certified"` keeps the limits in continuous time.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flatgym.quadrotor import Quadrotor
-from optimal.flat.initial_guess import central, motion
+from optimal.flat.initial_guess import central, motion, speed_unit
 from optimal.flat.problem import PlanningProblem
 from optimal.flat.refinement import INTERVALS, optimise
 from optimal.flat.solution import FlatSolution
 from optimal.paths.curves import Path
+from optimal.paths.regularity import require_smooth
 from optimal.systems import FlatSystem, PlanarQuadrotor
 
 STANDSTILL = 1e-6
@@ -42,8 +44,8 @@ def plan(
     """Return the fastest motion between outer paths, from rest to rest.
 
     Args:
-        outer_paths: k >= 2 paths that answer `path(s, order)`, with as many derivatives as the order of the system,
-            at rest (y' = 0) at s = 0 and s = 1. `optimal.paths.corridors` builds them.
+        outer_paths: k >= 2 paths that answer `path(s, order)`, with continuous derivatives below the order of the
+            system, at rest (y' = 0) at s = 0 and s = 1. `optimal.paths.corridors` builds them.
         system: the flat system with its limits; a planar quadrotor by default.
         ends: the weights of all paths at s = 0 and s = 1, shape (2, k); 1/k by default.
         conditions: "explicit": the state at both ends is a constraint. "implicit": all derivatives of the weights
@@ -63,6 +65,8 @@ def plan(
     problem = pose(outer_paths, system, ends, conditions, checks)
     if len(outer_paths) < 2:
         raise ValueError(f"outer_paths must be at least two paths, got {len(outer_paths)}; `follow` takes a single one")
+    for i, path in enumerate(problem.outer_paths):
+        require_smooth(path, problem.system.order, f"path {i}")
     return optimise(problem, intervals)
 
 
@@ -100,7 +104,7 @@ def pose(
     problem = PlanningProblem(system, paths, weights, checks == "certified", 1 if explicit else system.order - 1)
     _require_rest(problem, explicit)
     _require_moving(problem)
-    return problem
+    return replace(problem, speed_unit=speed_unit(problem))
 
 
 def _require_rest(problem: PlanningProblem, explicit: bool) -> None:

@@ -32,6 +32,8 @@ class PlanningProblem:
         ends: the weights of all outer paths at s = 0 and s = 1, shape (2, k).
         certified: True: limits are imposed at all checks of an interval. False: at grid nodes only, as published.
         level: number of derivatives of the weights that vanish at both ends.
+        speed_unit: unit of the squared speed b in the program [1/s^2]. The program is then much the same for a path of
+            a millimetre and one of kilometres, which keeps the tolerances of the optimiser meaningful.
     """
 
     system: FlatSystem
@@ -39,6 +41,7 @@ class PlanningProblem:
     ends: Array
     certified: bool
     level: int
+    speed_unit: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,7 @@ class Iterate:
     Attributes:
         nodes: grid nodes, shape (N + 1,).
         weights: coefficients of the first k - 1 weights, shape (size, k - 1).
-        squared_speed: coefficients of b [1/s^2], shape (size,).
+        squared_speed: coefficients of b [speed_unit], shape (size,).
         lifted: the lifted unknowns at the checks, one row for a check shared by two intervals, shape (checks, lifted).
         multipliers: Ipopt's multipliers of the bounds and of the constraints; None before the first solve.
         outcome: Ipopt's return status.

@@ -13,7 +13,7 @@ from optimal.flat.problem import Iterate, PlanningProblem, TrustRegion, check_po
 from optimal.flat.transcription import QUADRATURE, check_functions
 
 LEAST_SQUARED_SPEED = 1e-3
-"""The lower bound of b [1/s^2]."""
+"""The lower bound of b [speed_unit]."""
 
 
 @lru_cache(maxsize=4)
@@ -21,7 +21,7 @@ def parameters(problem: PlanningProblem, grid: tuple[float, ...]) -> Array:
     """Return the parameters of the program, in its order.
 
     Args:
-        problem: the problem, for its system and outer paths.
+        problem: the problem, for its system, outer paths and unit of b.
         grid: the nodes.
     """
     system, nodes = problem.system, np.array(grid)
@@ -39,7 +39,7 @@ def parameters(problem: PlanningProblem, grid: tuple[float, ...]) -> Array:
             for j in range(o + 1):
                 linear[:, o, :, :, i] += math.comb(o, j) * difference[o - j][:, :, None] * bases[j][:, None, :]
     offset = np.stack(last, axis=1)
-    basis = np.stack([speed_space.basis(owner, s, k) for k in range(system.order)], axis=1)
+    basis = problem.speed_unit * np.stack([speed_space.basis(owner, s, k) for k in range(system.order)], axis=1)
     gauss = nodes[:-1, None] + np.diff(nodes)[:, None] * (QUADRATURE[0] + 1) / 2
     every = np.arange(len(nodes) - 1)
     times = np.concatenate([speed_space.basis(every, gauss[:, i], 0) for i in range(gauss.shape[1])], axis=1)

@@ -106,7 +106,7 @@ def _refine_mesh(problem: PlanningProblem, iterate: Iterate, intervals: int) -> 
     return Iterate(
         finer,
         np.clip(weights.fitted(flight.weights), 0, 1),
-        np.maximum(speed.fitted(flight.squared_speed), LEAST_SQUARED_SPEED),
+        np.maximum(speed.fitted(flight.squared_speed) / problem.speed_unit, LEAST_SQUARED_SPEED),
         np.stack(lifted, axis=-1) if lifted else np.zeros((len(after), 0)),
         iterations=iterate.iterations,
     )

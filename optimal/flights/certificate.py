@@ -98,14 +98,26 @@ class Certificate:
 
         A flight that is faster than its lower bound fails.
         """
-        return (
-            self.max_control_violation <= TOLERANCE
-            and self.max_path_violation <= TOLERANCE
-            and self.replay_error <= REPLAY_TOLERANCE
-            and self.terminal_error <= REPLAY_TOLERANCE
-            and self.hoop_clearance >= -TOLERANCE
-            and self.gap >= 0
-        )
+        return not self.shortfall()
+
+    def shortfall(self) -> str:
+        """Return what does not hold, with values and limits; empty if everything holds."""
+        limits = {
+            "max_control_violation": TOLERANCE,
+            "max_path_violation": TOLERANCE,
+            "replay_error": REPLAY_TOLERANCE,
+            "terminal_error": REPLAY_TOLERANCE,
+        }
+        failed = [
+            f"{name} = {getattr(self, name):.3g}, at most {most:g}"
+            for name, most in limits.items()
+            if not getattr(self, name) <= most
+        ]
+        if not self.hoop_clearance >= -TOLERANCE:
+            failed.append(f"hoop_clearance = {self.hoop_clearance:.3g}, at least {-TOLERANCE:g}")
+        if not self.gap >= 0:
+            failed.append(f"gap = {self.gap:.3g}, at least 0")
+        return f"The certificate does not hold: {'; '.join(failed)} (inf: nothing is proven)." if failed else ""
 
     def row(self) -> dict[str, float]:
         """Return the fields by name."""

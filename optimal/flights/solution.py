@@ -13,23 +13,30 @@ from optimal.flights.trajectory import Flight
 
 
 class Status(StrEnum):
-    """How a solve ended: a sentence, with advice where it failed."""
+    """How a solve ended: a sentence, with advice where it failed.
 
-    SOLVED = "Solved: the flight is certified within its limits in continuous time."
+    The flights of `solve` are certified (CERTIFIED), also locally optimal (LOCALLY_OPTIMAL), or also proven (OPTIMAL).
+    """
+
+    OPTIMAL = "Solved: the flight is certified in continuous time, and proven optimal: its gap is at most 0.1 %."
+    LOCALLY_OPTIMAL = (
+        "Solved: the flight is certified in continuous time, and locally optimal; its gap bounds how much faster "
+        "another one may be."
+    )
+    CERTIFIED = (
+        "Certified, not optimal: the flight keeps its limits in continuous time, but the optimiser found none better "
+        "than one near the central path; try another number of intervals or another method."
+    )
     BEST_KNOWN = "Solved: these actions replay in the environment to the goal; no flight in fewer steps was found."
     PROVEN = "Solved: these actions replay in the environment to the goal, and no flight whatever needs fewer steps."
-    FEASIBLE = (
-        "Feasible, not optimal: the flight is certified within its limits in continuous time, but the optimiser "
-        "found none better than one near the central path; try another number of intervals or another method."
-    )
     INFEASIBLE = "Not solved: no flight of this scenario exists."
     NOT_CONVERGED = (
         "Not solved: the optimiser did not converge from any start; try more starts or other windings, "
         "and check that goal and hoops can be reached between floor and ceiling."
     )
     NOT_CERTIFIED = (
-        "Not solved: the optimiser converged, but its fastest flight violates a limit between the nodes (see the "
-        "certificate); solve again with more nodes or intervals."
+        "Not solved: the optimiser converged, but the certificate of its fastest flight does not hold; solve again "
+        "with more nodes or intervals."
     )
     LIMITS_AT_NODES_ONLY = (
         "Not a flight: limits hold at the grid nodes only, as in the paper; see the certificate for the violation "
@@ -56,8 +63,9 @@ class Solution:
     Attributes:
         scenario: the task.
         method: "shooting", "flat" or "pontryagin"; "none" if the computation was interrupted.
-        time: flight time from rest to rest [s]; inf unless the status is SOLVED, FEASIBLE or LIMITS_AT_NODES_ONLY.
-        status: how the solve ended, a sentence.
+        time: flight time from rest to rest [s]; inf unless the status is OPTIMAL, LOCALLY_OPTIMAL, CERTIFIED or
+            LIMITS_AT_NODES_ONLY.
+        status: how the solve ended, a sentence. A local optimum of the flat method is one between its outer paths.
         winding: whole turns of the tilt between start and goal.
         trajectory: the flight; None if there is none.
         certificate: properties of the flight, checked independently of the solver.
@@ -83,8 +91,31 @@ class Solution:
 
     @property
     def solved(self) -> bool:
-        """Whether `time` is that of a certified, optimised flight."""
-        return self.status is Status.SOLVED
+        """Whether `time` is that of a certified flight that is locally optimal, or proven optimal."""
+        return self.status in (Status.OPTIMAL, Status.LOCALLY_OPTIMAL)
+
+    @property
+    def headline(self) -> str:
+        """The answer in one line: certified, locally optimal and proven are said apart."""
+        if not (self.solved or self.status is Status.CERTIFIED):
+            return self.status.value
+        proven = f"proven within {self.proven_within}" if self.certificate.lower_bound > 0 else "nothing proven"
+        return f"Certified flight in {self.time:.4f} s, {self.optimality}; {proven}."
+
+    @property
+    def optimality(self) -> str:
+        """How far the flight is optimal, in words."""
+        if self.status is Status.OPTIMAL:
+            return "optimal"
+        if self.status is Status.LOCALLY_OPTIMAL:
+            return "locally optimal between its outer paths" if self.method == "flat" else "locally optimal"
+        return "not optimal"
+
+    @property
+    def proven_within(self) -> str:
+        """The gap in percent, rounded upwards, such as "0.02 %"."""
+        digits = 2 if self.certificate.gap < 0.01 else 1
+        return f"{math.ceil(self.certificate.gap * 10 ** (2 + digits) - 1e-6) / 10**digits:.{digits}f} %"
 
     @classmethod
     def failed(cls, scenario: Scenario, status: Status, reason: str = "") -> Self:

@@ -20,11 +20,20 @@ from flatgym.quadrotor import Array, Quadrotor
 
 @dataclass(frozen=True)
 class Samples:
-    """A trajectory sampled at equal intervals: `time` (n,) [s], `state` (n, 5), `control` (n, 2)."""
+    """A trajectory at n instants.
+
+    Attributes:
+        time: the instants [s], shape (n,).
+        state: the states at them, shape (n, 5).
+        control: the controls at them, shape (n, 2).
+        held: True: each control is held to the next instant, which flies exactly from state to state. False: the
+            control changes between the instants; the samples are a reference to track, and held they miss the goal.
+    """
 
     time: Array
     state: Array
     control: Array
+    held: bool = False
 
 
 class Flight(Protocol):
@@ -122,6 +131,10 @@ class Trajectory:
     def sample(self, dt: float) -> Samples:
         """Return the flight at 0, dt, 2 dt, ..., and at its end."""
         return sample(self, dt)
+
+    def held(self) -> Samples:
+        """Return the flight at its breakpoints, with the controls to hold between them; the last is repeated."""
+        return Samples(self.breakpoints, self.states, np.append(self.controls, self.controls[-1:], axis=0), held=True)
 
     def _arc(self, t: ArrayLike) -> tuple[Array, np.ndarray[tuple[int, ...], np.dtype[np.int64]]]:
         time = np.asarray(t, dtype=np.float64)

@@ -119,6 +119,7 @@ class Extremal:
         hamiltonian_drift: range of H along the flight, with p integrated. H should be 1.
         evaluations: evaluations of the equations, after the direct solution.
         trajectory: the flight; None unless converged.
+        direct_time: time of the direct solution whose structure was solved [s], that of a flight; inf without one.
     """
 
     winding: int
@@ -133,6 +134,7 @@ class Extremal:
     hamiltonian_drift: float = math.inf
     evaluations: int = 0
     trajectory: ExtremalFlight | None = None
+    direct_time: float = math.inf
 
 
 def singular_step(state: Any, thrust: Any, q: Any, q1: Any, h: Any, gravity: Any, ops: Any = np) -> tuple[Any, ...]:

@@ -74,6 +74,7 @@ def pontryagin(scenario: Scenario, winding: int = 0) -> Extremal:
         shot = solve_winding(scenario, winding, nodes=nodes)
         if shot.converged:
             result = solve_structure(scenario, winding, *arcs_of(shot))
+            result = replace(result, direct_time=shot.trajectory.duration)
         if result.converged:
             break
     return result

@@ -1,4 +1,12 @@
-"""Regular paths: y' vanishes at the ends at most."""
+"""Paths that a system can follow: smooth enough for its order, with a direction everywhere between their ends.
+
+A system of order beta moves along y(s) only if y and its derivatives up to order beta - 1 are continuous. A jump of
+y' is a corner, where the velocity jumps. A jump is found without knowledge of the knots: over a short interval,
+
+    y^(k)(s + h) - y^(k)(s) = integral of y^(k+1) ds,
+
+but for the error of the quadrature, which vanishes with h, and for jumps within the interval, which do not.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +21,51 @@ REGULARITY_SAMPLES = 2000
 """Number of intervals on which `require_regular` searches for points where a path stands still."""
 STANDSTILL = 1e-6
 """|y'| that counts as zero, relative to the largest one of the path."""
+JUMP, ROUNDING = 1e-8, 1e-12
+"""Jump of a derivative that counts as rounding: relative to the largest derivative up to its order, at least the first;
+relative to the largest value of its own."""
+BISECTIONS = 40
+"""Bisections of an interval that may contain a jump."""
+QUADRATURE = np.polynomial.legendre.leggauss(3)
+
+
+def require_smooth(path: Path, order: int, name: str = "the path") -> None:
+    """Refuse a path whose derivatives up to order - 1 are not continuous, at knots or elsewhere.
+
+    Args:
+        path: the path, with values between knots for derivatives up to `order`.
+        order: beta, the order of the system.
+        name: the path's name in the error.
+
+    Raises:
+        ValueError: naming the s of the largest jump.
+    """
+    s = np.linspace(0.0, 1.0, REGULARITY_SAMPLES + 1)
+    sizes = [np.abs(path(s, k)).max() for k in range(order + 1)]
+    for k in range(order):
+        rounding = max(JUMP * max(sizes[1 : k + 1], default=sizes[1]), ROUNDING * sizes[k])
+        suspect = ~(_jumps(path, k, s[:-1], s[1:]) <= rounding)
+        begin, end = s[:-1][suspect], s[1:][suspect]
+        for _ in range(BISECTIONS):
+            middle = (begin + end) / 2
+            left = _jumps(path, k, begin, middle) > _jumps(path, k, middle, end)
+            begin, end = np.where(left, begin, middle), np.where(left, middle, end)
+        jumps = _jumps(path, k, begin, end)
+        if not (jumps <= rounding).all():
+            worst = int(np.argmax(jumps))
+            raise ValueError(
+                f"{name} is not smooth at s = {end[worst]:.4g}: its derivative of order {k} jumps by {jumps[worst]:.3g}"
+                f" there, but a system of order {order} needs continuous derivatives up to order {order - 1}; round "
+                "the path there, or divide it there and stop"
+            )
+
+
+def _jumps(path: Path, order: int, begin: Array, end: Array) -> Array:
+    """Return by how much a derivative changes over intervals beyond the integral of the next one, shape (n,)."""
+    width = (end - begin)[:, None]
+    rates = path(begin[:, None] + width * (QUADRATURE[0] + 1) / 2, order + 1)
+    explained = width / 2 * np.einsum("j,ijk->ik", QUADRATURE[1], rates)
+    return np.asarray(np.abs(path(end, order) - path(begin, order) - explained).max(axis=-1))
 
 
 def require_regular(path: Path) -> None:

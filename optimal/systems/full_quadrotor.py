@@ -63,6 +63,11 @@ class FullQuadrotor(FlatSystem):
                 "FullQuadrotor cannot hover: needs 0 <= thrust_min <= gravity < thrust_max < inf, got "
                 f"{self.thrust_min}, {self.gravity}, {self.thrust_max}"
             )
+        if not self.gravity > 0:
+            raise ValueError(
+                "FullQuadrotor.gravity must be positive, because the thrust vector at rest determines the attitude "
+                f"there, got {self.gravity!r}"
+            )
         if not 0 < self.rate_max < np.inf:
             raise ValueError(f"FullQuadrotor.rate_max must be positive and finite, got {self.rate_max!r}")
 

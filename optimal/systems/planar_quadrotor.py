@@ -29,6 +29,9 @@ class PlanarQuadrotor(FlatSystem):
 
     Attributes:
         quadrotor: the vehicle and its limits.
+
+    Raises:
+        ValueError: without gravity. At rest the thrust vector then vanishes, and the flat output determines no tilt.
     """
 
     quadrotor: Quadrotor = field(default_factory=Quadrotor)
@@ -38,6 +41,13 @@ class PlanarQuadrotor(FlatSystem):
     inputs = ("thrust_mps2", "rate_radps")
     order = 3
     angles = (4,)
+
+    def __post_init__(self) -> None:
+        if not self.quadrotor.gravity > 0:
+            raise ValueError(
+                "the flat method needs gravity > 0, because the thrust vector at rest determines the tilt there, got "
+                f'Quadrotor.gravity = {self.quadrotor.gravity}; use `optimal.solve(..., method="shooting")`'
+            )
 
     def dynamics(self, state: Symbol, control: Symbol) -> Symbol:
         """Return eqs. (3)-(5)."""

@@ -1,11 +1,16 @@
 """Figures show the numbers they are given."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+import optimal
 from experiments import figures
 from experiments.figures import Track
-from flatgym import SCENARIOS
+from flatgym import SCENARIOS, Hoop
+from optimal import Status
 
 
 @pytest.fixture
@@ -41,9 +46,44 @@ def test_the_drawn_vehicle_stands_across_its_thrust(generator):
         np.testing.assert_allclose((outline[0] + outline[1]) / 2, [1.0, 2.0])
 
 
-def test_floor_is_drawn(track):
-    shapes = figures.paths(SCENARIOS["ground-6"], [track], "title").layout.shapes
-    assert any(shape.y0 == shape.y1 == 0.0 for shape in shapes)
+def heights_drawn(figure):
+    """Return the heights of the lines of floor and ceiling that lie within the drawing."""
+    low, high = figure.layout.yaxis.range
+    return {shape.y0 for shape in figure.layout.shapes if shape.type == "line" and low < shape.y0 < high}
+
+
+def test_floor_and_ceiling_are_drawn_within_the_picture(track):
+    assert heights_drawn(figures.paths(SCENARIOS["ground-6"], [track], "title")) == {0.0}
+    room = replace(SCENARIOS["ground-6"], floor=-2.0, ceiling=3.0)
+    assert heights_drawn(figures.paths(room, [track], "title")) == {-2.0, 3.0}
+    hall = replace(SCENARIOS["ground-6"], floor=-2.0, ceiling=40.0)  # would make the flight small
+    assert heights_drawn(figures.paths(hall, [track], "title")) == {-2.0}
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.0, np.pi / 2, np.pi])
+def test_hoops_are_drawn_whole(track, angle):
+    wide = replace(SCENARIOS["horizontal-6"], hoops=(Hoop(1.0, 0.0, 5.0, angle), Hoop(6.5, 0.0, 1.0, angle)))
+    figure = figures.paths(wide, [track], "title")
+    (left, right), (bottom, top) = figure.layout.xaxis.range, figure.layout.yaxis.range
+    posts = [trace for trace in figure.data if trace.name == "hoop"]
+    assert len(posts) == 4
+    for post in posts:
+        assert left < min(post.x) <= max(post.x) < right
+        assert bottom < min(post.y) <= max(post.y) < top
+
+
+def test_only_a_proven_optimum_is_called_so():
+    flown = optimal.solve("horizontal-3", max_gap=None)
+    proven, feasible = (
+        replace(flown, status=Status.OPTIMAL),
+        replace(flown, status=Status.CERTIFIED, method="flat"),
+    )
+    bound = flown.certificate.lower_bound
+    assert figures.optimal_track(proven).name == f"optimum, T* = {flown.time:.4f} s"
+    for one, words in ((flown, "locally optimal"), (feasible, "not optimal")):
+        name = figures.optimal_track(one).name
+        assert name.startswith(f"{words}, T = {flown.time:.4f} s, T* ≥ ")
+        assert bound - 1e-4 < float(name.split()[-2]) <= bound
 
 
 def test_controls_are_held_and_limits_drawn(track, quadrotor):
@@ -63,9 +103,12 @@ def test_a_learning_curve_separates_successes_from_failures():
     assert list(flown.y) == [90, 66]
 
 
-def test_written_pages_share_one_script(track, tmp_path, quadrotor):
-    for name in ("one", "two"):
-        figures.write_page(figures.controls(quadrotor, [track], name), tmp_path / f"{name}.html")
-    assert {path.name for path in tmp_path.iterdir()} == {"one.html", "two.html", "plotly.min.js"}
-    assert 'src="plotly.min.js"' in (tmp_path / "one.html").read_text()
-    assert (tmp_path / "one.html").stat().st_size < 100_000
+def test_a_written_page_is_complete_in_one_file(track, tmp_path, quadrotor):
+    chart = figures.controls(quadrotor, [track], "one")
+    figures.write_page(chart, tmp_path / "new" / "one.html")
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["one.html"]
+    assert not re.search(r"<script[^>]*src=", (tmp_path / "new" / "one.html").read_text())
+    for ending in (".png", ".HTML", ""):
+        with pytest.raises(ValueError, match=rf"unknown ending '{ending}' of race{ending}; known: \.html"):
+            figures.write_page(chart, tmp_path / f"race{ending}")
+    assert [path.name for path in tmp_path.iterdir()] == ["new"]

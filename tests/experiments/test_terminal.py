@@ -49,3 +49,13 @@ def test_optional_columns_are_left_out_before_rows_become_blocks(printed):
 def test_numbers_are_aligned_to_the_right():
     assert all(map(terminal.numeric, ["1.5", "+4.9 %", "-0.1", "-", "≤ 0.35 s", "67x"]))
     assert not any(map(terminal.numeric, ["hoop", "yes", "(5, 5)"]))
+
+
+def test_standard_output_is_for_data_only_while_a_bar_is_shown(capsys):
+    with terminal.progress_bar() as bar:
+        bar.add_task("work", total=1, note="")
+        print("a note of a library")
+    print("data")
+    output = capsys.readouterr()
+    assert output.out == "data\n"
+    assert "a note of a library" in output.err

@@ -1,6 +1,7 @@
 """`solve`: three methods agree; only a certified flight has a time."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +9,8 @@ import pytest
 
 import optimal
 from experiments.measurements.sections import REFERENCE_TIMES
-from flatgym import SCENARIOS, Hoop, Quadrotor
-from optimal import SolveFailed, Status, certify
+from flatgym import SCENARIOS, Hoop, Quadrotor, Tolerance
+from optimal import SolveFailed, Status, certify, minimum_time
 from optimal.direct.clearance import tighten
 from optimal.direct.multistart import search
 
@@ -17,7 +18,8 @@ from optimal.direct.multistart import search
 @pytest.mark.parametrize("name", ["horizontal-6", "ground-6"])
 def test_shooting_and_the_flat_method_agree(name):
     shooting, flat = optimal.solve(name), optimal.solve(name, method="flat")
-    assert shooting.status is flat.status is Status.SOLVED
+    assert shooting.status is Status.OPTIMAL
+    assert flat.solved
     assert shooting.certificate.holds()
     assert flat.certificate.holds()
     assert 0 < flat.time / shooting.time - 1 < 3e-3
@@ -47,7 +49,7 @@ def test_pruning_windings_does_not_change_the_optimum():
 @pytest.mark.parametrize("name", [name for name, task in SCENARIOS.items() if len(task.hoops) < 12])
 def test_named_scenarios_are_solved_and_certified(name):
     solution = optimal.solve(name)
-    assert solution.status is Status.SOLVED
+    assert solution.status is (Status.OPTIMAL if solution.certificate.gap <= 1.000001e-3 else Status.LOCALLY_OPTIMAL)
     assert solution.reason == ""
     assert solution.certificate.holds()
     assert solution.certificate.max_control_violation == 0
@@ -62,6 +64,82 @@ def test_limits_at_nodes_only_do_not_count_as_solved():
     assert not lie.solved
     assert not lie.certificate.holds()
     assert lie.certificate.max_control_violation > 1
+
+
+def test_certified_locally_optimal_and_proven_are_three_statuses():
+    proven, free = (optimal.solve("horizontal-3", max_gap=gap) for gap in (5e-4, None))
+    assert (proven.status, free.status) == (Status.OPTIMAL, Status.LOCALLY_OPTIMAL)
+    assert proven.headline == f"Certified flight in {proven.time:.4f} s, optimal; proven within 0.05 %."
+    gap = 100 * free.certificate.gap
+    assert re.fullmatch(r"Certified flight in \S+ s, locally optimal; proven within (\S+) %\.", free.headline)
+    assert gap <= float(free.proven_within.split()[0]) < gap + 0.1
+    flat = optimal.solve("horizontal-3", "flat", max_gap=None)
+    assert "locally optimal between its outer paths" in flat.headline
+    rough = replace(flat, status=Status.CERTIFIED)
+    assert rough.headline.startswith(f"Certified flight in {flat.time:.4f} s, not optimal; proven within")
+    assert not rough.solved
+    assert [one.row()["status"] for one in (proven, free, rough)] == [
+        Status.OPTIMAL.value, Status.LOCALLY_OPTIMAL.value, Status.CERTIFIED.value,
+    ]  # fmt: skip
+    unbounded = replace(free, certificate=replace(free.certificate, lower_bound=0.0, gap=math.inf))
+    assert unbounded.headline.endswith("locally optimal; nothing proven.")
+
+
+def test_a_wide_gap_is_never_called_optimal():
+    loose = optimal.solve("horizontal-3", max_gap=0.1)
+    assert 1e-3 < loose.certificate.gap <= 0.1 + 1e-9
+    assert loose.status is Status.LOCALLY_OPTIMAL
+
+
+@pytest.mark.parametrize(
+    ("method", "options", "words"),
+    [
+        ("shooting", {"checks": "foo"}, "checks='foo' is an option of flat; method 'shooting' takes windings, starts"),
+        ("shooting", {"intervals": 16}, "intervals=16 is an option of flat"),
+        ("pontryagin", {"nodes": 50}, "nodes=50 is an option of shooting; method 'pontryagin' takes windings"),
+        ("pontryagin", {"checks": "nodes"}, "checks='nodes' is an option of flat"),
+        ("flat", {"windings": (0,)}, "windings=(0,) is an option of shooting and pontryagin; method 'flat' takes"),
+        ("flat", {"starts": 5}, "starts=5 is an option of shooting"),
+        ("flat", {"seed": 1}, "seed=1 is an option of shooting"),
+    ],
+)
+def test_an_option_that_the_method_does_not_take_is_refused(monkeypatch, method, options, words):
+    for part in ("_flat", "_shooting", "_pontryagin"):
+        monkeypatch.setattr(minimum_time, part, lambda *_: pytest.fail("a solve began"))
+    with pytest.raises(ValueError, match=re.escape(words)):
+        optimal.solve("horizontal-3", method, **options)
+
+
+@pytest.mark.parametrize(("option", "value"), [("max_gap", 0.0), ("max_gap", -1.0), ("time_budget", 0.0)])
+def test_a_gap_or_budget_that_is_not_positive_is_refused_before_the_solve(monkeypatch, option, value):
+    monkeypatch.setattr(minimum_time, "_shooting", lambda *_: pytest.fail("a solve began"))
+    with pytest.raises(ValueError, match=f"{option} must be positive, got {value}"):
+        optimal.solve("horizontal-3", **{option: value})
+
+
+def test_the_reason_of_a_missing_certificate_names_what_does_not_hold(monkeypatch):
+    found = minimum_time._flat(SCENARIOS["horizontal-3"], "nodes", None)
+    assert found.reason.startswith("Limits hold at grid nodes only")
+    for claim in ("Solved: limits hold", ""):
+        claimed = replace(found, status=Status.LOCALLY_OPTIMAL, reason=claim)
+        monkeypatch.setattr(minimum_time, "_flat", lambda *_, claimed=claimed: claimed)
+        solution = optimal.solve("horizontal-3", "flat", raise_on_failure=False)
+        assert solution.status is Status.NOT_CERTIFIED
+        assert re.match(r"The certificate does not hold: max_control_violation = \S+, at most 1e-09", solution.reason)
+        assert solution.headline == Status.NOT_CERTIFIED.value
+
+
+@pytest.mark.parametrize("drop", [0.15, 0.02, 0.01, 0.005])
+def test_tiny_ways_straight_down(drop):
+    task = replace(SCENARIOS["drop"], goal=(0.0, -drop), tolerance=Tolerance(position=1e-6))
+    q = task.quadrotor
+    # At rest, then thrust_min, then thrust_max; a tilt while falling gains less than 0.1 %.
+    exact = math.sqrt(2 * drop * (1 / (q.gravity - q.thrust_min) + 1 / (q.thrust_max - q.gravity)))
+    shooting = optimal.solve(task, max_gap=None)
+    assert exact * (1 - 1e-3) < shooting.time < exact * (1 + 1e-3)
+    # The vertical flight has no structure of bang and singular arcs: refused, since a flip is no optimum.
+    with pytest.raises(optimal.SolveFailed, match=r"direct solution of winding 0 takes .* use method=\"shooting\""):
+        optimal.solve(task, "pontryagin", max_gap=None)
 
 
 def test_a_row_has_plain_values_in_order():
@@ -114,7 +192,7 @@ def test_shooting_and_the_indirect_method_agree():
 def test_a_scenario_outside_the_paper_gets_an_automatic_corridor():
     task = replace(SCENARIOS["horizontal-3"], hoops=(Hoop(1.5, 0.3, 0.8, 0.2),))
     flat, shooting = optimal.solve(task, method="flat"), optimal.solve(task)
-    assert flat.status in (Status.SOLVED, Status.FEASIBLE)
+    assert flat.solved or flat.status is Status.CERTIFIED
     assert flat.certificate.holds()
     assert flat.time >= shooting.time * (1 - 1e-4)
 
@@ -125,7 +203,7 @@ def test_a_body_keeps_clear_of_the_rims_and_takes_longer(name, radius):
     narrow = replace(body.hoops[0], diameter=body.hoops[0].diameter - 2 * radius)
     point = optimal.solve(replace(SCENARIOS[name], hoops=(narrow,)))
     solution = optimal.solve(body)
-    assert solution.status is Status.SOLVED
+    assert solution.solved
     assert solution.certificate.max_path_violation <= 1e-6
     assert point.time - 1e-6 < solution.time < 1.01 * point.time
     # The body would touch a rim on the flight of the point.

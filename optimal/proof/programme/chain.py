@@ -68,9 +68,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from flatgym.kernels.compilation import cached
 from flatgym.quadrotor import Array
 from optimal.proof.programme.tilt_program import Integers, Tilts, best_neighbour, follow, sweep
 from optimal.proof.programme.zero_order_hold import hold_follow, hold_sweep
@@ -135,20 +135,20 @@ def first_rows(windows: Integers, stride: int) -> Integers:
     return np.cumsum(sizes) - sizes
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def row_at(chain, i, k):  # type: ignore[no-untyped-def]
     """Return the row of the values at an instant of the window of station i."""
     return chain.rows[i] + (k - chain.windows[i, 0]) // chain.stride
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def next_instants(chain, i, k0):  # type: ignore[no-untyped-def]
     """Return the instants at which chains that pass station i at instant k0 may pass the next one."""
     (low, high), (least, most) = chain.windows[i + 1], chain.durations[i]
     return range(max(low, k0 + least), min(high, k0 + most) + 1, chain.stride)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def _slope(chain, i, k0, k1, dt):  # type: ignore[no-untyped-def]
     """Return sigma of the segment from station i to station i + 1."""
     duration = (k1 - k0) * dt
@@ -156,7 +156,7 @@ def _slope(chain, i, k0, k1, dt):  # type: ignore[no-untyped-def]
     return (right[0] - left[0]) / duration, (right[1] - left[1]) / duration
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def _arrive(chain, tilts, i, k1, s_x, s_z, values, row):  # type: ignore[no-untyped-def]
     """Write the value of passing station i at instant k1 to `row`, with sigma . p, for the better end of the gap."""
     if i == chain.weights.shape[0] - 1:
@@ -172,7 +172,7 @@ def _arrive(chain, tilts, i, k1, s_x, s_z, values, row):  # type: ignore[no-unty
         row[j] = a if a > b else b
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def _constants(chain, i, k0, k1, s_x, s_z):  # type: ignore[no-untyped-def]
     """Return the terms of a segment that depend neither on the tilt nor on the place in a gap."""
     w_x, w_z = chain.weights[i + 1, 0] - chain.weights[i, 0], chain.weights[i + 1, 1] - chain.weights[i, 1]
@@ -185,7 +185,7 @@ def _constants(chain, i, k0, k1, s_x, s_z):  # type: ignore[no-untyped-def]
     return value
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def _sweep(chain, tilts, limits, i, begin, k0, k1, rows, keep):  # type: ignore[no-untyped-def]
     """Add the best rewards of the segment from station i to the values at instant k1; see `tilt_program.sweep`."""
     left, right = chain.weights[i], chain.weights[i + 1]
@@ -194,7 +194,7 @@ def _sweep(chain, tilts, limits, i, begin, k0, k1, rows, keep):  # type: ignore[
     return sweep(k0, k1, begin, left, right, chain.common, tilts, chain.final, limits, rows, keep)
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@cached(error_model="numpy", nogil=True)
 def best_values(begin, chain, tilts, limits, values, choices):  # type: ignore[no-untyped-def]
     """Write the value of the best chain from each station, instant, end of the gap and tilt on.
 
@@ -220,7 +220,7 @@ def best_values(begin, chain, tilts, limits, values, choices):  # type: ignore[n
                             best[j], choice[j] = row[j] + rest, k1
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def best_chain(begin, chain, tilts, limits, values, choices, start):  # type: ignore[no-untyped-def]
     """Return the passing instants, the ends of the gaps and the tilts of the best chain from a first tilt.
 
@@ -251,7 +251,7 @@ def best_chain(begin, chain, tilts, limits, values, choices, start):  # type: ig
     return passing, ends, path
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@cached(error_model="numpy", nogil=True)
 def best_through(begin, chain, tilts, limits, first, values, backward, past):  # type: ignore[no-untyped-def]
     """Return the value of the best chain through each pair of instants of consecutive stations, shape (m+1, n, n).
 

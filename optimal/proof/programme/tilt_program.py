@@ -50,10 +50,10 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from flatgym.kernels.compilation import cached
 from flatgym.quadrotor import Array, Quadrotor
 from optimal.proof.branches import TiltInterval
 from optimal.proof.programme.rounding import LEAST_LENGTH, TIME_MARGIN
@@ -176,7 +176,7 @@ def _reach(grid: Grid, target: int, slack: float, held: Sequence[TiltInterval], 
     return low, high
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def sweep(k0, k1, begin, left, right, common, tilts, final, limits, rows, keep):  # type: ignore[no-untyped-def]
     """Add the best rewards of samples k0..k1-1 to the values at sample k1, for all tilts.
 
@@ -212,7 +212,7 @@ def sweep(k0, k1, begin, left, right, common, tilts, final, limits, rows, keep):
     return at
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def _rewards(row, sin, cos, q_x, q_z, limits):  # type: ignore[no-untyped-def]
     """Write the rewards of one sample, with the interpolation error, for a weight times dt."""
     thrust_min, thrust_max = limits.thrust_min, limits.thrust_max
@@ -223,7 +223,7 @@ def _rewards(row, sin, cos, q_x, q_z, limits):  # type: ignore[no-untyped-def]
         row[i] = (strong if strong > weak else weak) + rest
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def _add_best(row, left, middle, right):  # type: ignore[no-untyped-def]
     """Add the greatest of three neighbouring values of the next instant."""
     for i in range(row.shape[0]):
@@ -231,7 +231,7 @@ def _add_best(row, left, middle, right):  # type: ignore[no-untyped-def]
         row[i] += best if best > middle[i] else middle[i]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def best_neighbour(row, j, k, tilts):  # type: ignore[no-untyped-def]
     """Return the position of the greatest of up to three values of sample k that can be reached from position j."""
     width, nearest, greatest = tilts.sin.shape[0], j, -np.inf
@@ -245,7 +245,7 @@ def best_neighbour(row, j, k, tilts):  # type: ignore[no-untyped-def]
     return nearest
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def follow(k0, k1, tilts, rows, path, j):  # type: ignore[no-untyped-def]
     """Write the best tilts of samples k0..k1-1 to `path`, from position j on; return the position of the next one."""
     for k in range(k0, k1):

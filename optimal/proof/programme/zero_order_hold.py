@@ -40,10 +40,10 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from flatgym.kernels.compilation import cached
 from flatgym.quadrotor import Array, spherical_bessel
 from optimal.proof.programme.rounding import LEAST_LENGTH
 from optimal.proof.programme.time_grid import HoldGrid
@@ -84,13 +84,13 @@ def no_hold() -> Hold:
     return Hold(0, np.zeros(0, np.int64), *np.zeros((4, 0)))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def stage_start(k, k0, parts):  # type: ignore[no-untyped-def]
     """Return the first instant of the stage that ends at instant k of a segment that begins at instant k0."""
     return max(k0, (k - 1) // parts * parts)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def _weight(k, k0, k1, left, right, common):  # type: ignore[no-untyped-def]
     """Return the weight at an instant of a segment."""
     share = (k - k0) / (k1 - k0)
@@ -100,7 +100,7 @@ def _weight(k, k0, k1, left, right, common):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def _force(change, q_a, q_b, h, hold):  # type: ignore[no-untyped-def]
     """Return the factors of sin m and cos m in the integral I, for a change of position."""
     even, odd = hold.even[abs(change)] * h / 2, hold.odd[abs(change)] * h / 2
@@ -112,7 +112,7 @@ def _force(change, q_a, q_b, h, hold):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def hold_sweep(k0, k1, left, right, common, tilts, limits, rows, keep):  # type: ignore[no-untyped-def]
     """Add the best rewards of the stages from instant k0 to k1 to the values at k1, for all tilts.
 
@@ -143,7 +143,7 @@ def hold_sweep(k0, k1, left, right, common, tilts, limits, rows, keep):  # type:
     return at
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def _raise(row, sin, cos, after, force, limits):  # type: ignore[no-untyped-def]
     """Raise the values of a row to those of one change of position."""
     up_x, up_z = limits.thrust_max * force[0], limits.thrust_max * force[1]
@@ -154,14 +154,14 @@ def _raise(row, sin, cos, after, force, limits):  # type: ignore[no-untyped-def]
         row[i] = value if value > row[i] else row[i]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def _rest(q_a, q_b, h, limits):  # type: ignore[no-untyped-def]
     """Return the terms of a stage that do not depend on the tilt."""
     length = math.sqrt(q_a[0] ** 2 + q_a[1] ** 2) + math.sqrt(q_b[0] ** 2 + q_b[1] ** 2)
     return h / 2 * (limits.bulge * length - limits.gravity * (q_a[1] + q_b[1]))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@cached(error_model="numpy")
 def hold_follow(k0, k1, left, right, common, tilts, limits, rows, path, j):  # type: ignore[no-untyped-def]
     """Write the best positions at the ends of the stages to `path`, from position j on; return the last one."""
     hold, a = tilts.hold, k0

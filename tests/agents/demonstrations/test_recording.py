@@ -1,12 +1,16 @@
 """Recording: datasets hold what the environment returns, and only complete flights."""
 
+from dataclasses import replace
+
 import minari
 import numpy as np
 import pytest
 
 from agents import demonstrations
 from agents.demonstrations.storage import staging_folder
-from flatgym import DISTRIBUTIONS, SCENARIOS, Scenario, __version__
+from flatgym import DISTRIBUTIONS, SCENARIOS, Distribution, Scenario, __version__
+from flatgym.scenarios.catalogue import label
+from flatgym.scenarios.reference import EVALUATION_SEED
 
 LOW = Scenario("low", (0, 0), (1, 0), floor=0.0)
 
@@ -19,7 +23,7 @@ def test_stored_episodes_replay_to_the_goal_bit_for_bit(grounded, capsys):
     demonstrations.record(LOW, grounded)
     demonstrations.record(LOW, grounded)  # replaces the first
     assert capsys.readouterr().out == ""
-    dataset = minari.load_dataset("flatquad/low/optimal-v0")
+    dataset = minari.load_dataset(f"flatquad/{label(LOW)}/optimal-v0")
     assert list(minari.list_local_datasets()) == [dataset.id]
     replays = demonstrations.replay(dataset)
     assert [(one.outcome, one.steps) for one in replays] == [("goal", one.steps) for one in grounded]
@@ -68,6 +72,20 @@ def test_the_seed_of_an_episode_gives_its_scenario(goals):
     assert [one.outcome for one in demonstrations.replay(dataset)] == ["goal", "goal"]
 
 
+def test_a_distribution_of_ones_own_is_recorded_with_its_content():
+    own = Distribution("random-goal", half_width=1.0)  # not the built-in one
+    flights = demonstrations.plan(own, 2, jobs=1)
+    dataset = demonstrations.record(own, flights)
+    assert dataset.id == f"flatquad/random-goal-{own.digest[:8]}/optimal-v0"
+    env = dataset.recover_environment()
+    env.reset(seed=1)
+    assert env.unwrapped.scenario == own.scenario(1)
+    demonstrations.check(dataset, own)
+    demonstrations.check(dataset, replace(own, name="renamed"))
+    with pytest.raises(ValueError, match=r"they differ in half_width: 1\.0 and 10\.0"):
+        demonstrations.check(dataset, "random-goal")
+
+
 def test_a_flight_that_misses_the_goal_leaves_the_older_dataset_unchanged(goals, contents):
     before = contents(demonstrations.record("random-goal", goals, "kept"))
     short = demonstrations.Demonstration(SCENARIOS["horizontal-3"], goals[0].flight, 0)
@@ -78,3 +96,11 @@ def test_a_flight_that_misses_the_goal_leaves_the_older_dataset_unchanged(goals,
         demonstrations.record("random-goal", [swapped], "kept")
     assert contents(minari.load_dataset("kept-v0")) == before
     assert list(staging_folder().iterdir()) == []
+
+
+def test_tasks_that_score_policies_are_recorded_with_a_warning(goals, grounded):
+    scored = demonstrations.plan("random-goal", 1, seed=EVALUATION_SEED, jobs=1)
+    with pytest.warns(UserWarning, match=r"tasks that score policies, .* from 1000000 on \(its last seed is 1000000\)"):
+        demonstrations.record("random-goal", [*goals, *scored])
+    far = [replace(one, seed=one.seed + EVALUATION_SEED) for one in grounded]
+    demonstrations.record(LOW, far)  # the task is one for all seeds

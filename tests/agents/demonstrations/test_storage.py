@@ -14,7 +14,6 @@ import pytest
 import agents
 from agents import demonstrations
 from agents.demonstrations.storage import ABANDONED_AFTER, staging_folder
-from flatgym import Distribution
 
 SCRIPT = """
 import sys
@@ -91,8 +90,6 @@ def test_an_older_dataset_is_restored_if_the_new_one_cannot_replace_it(goals, mo
 def test_names_and_problems_that_minari_cannot_store_are_refused(goals):
     with pytest.raises(ValueError, match=r"letters, digits.* got 'my goals'"):
         demonstrations.record("random-goal", goals, "my goals")
-    with pytest.raises(ValueError, match="cannot hold the distribution 'mine'; named ones: random-goal"):
-        demonstrations.record(Distribution("mine"), goals)
     with pytest.raises(ValueError, match="no demonstrations of 'random-goal'"):
         demonstrations.record("random-goal", [])
     demonstrations.record("random-goal", goals, "a-v0/b-v0")

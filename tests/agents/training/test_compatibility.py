@@ -1,5 +1,7 @@
 """Compatibility: Gymnasium wrappers, Stable-Baselines3, a CleanRL loop and Minari on the environments."""
 
+import json
+from dataclasses import asdict
 from itertools import pairwise
 
 import gymnasium as gym
@@ -14,6 +16,7 @@ from sb3_contrib import TQC
 from stable_baselines3 import PPO, SAC, TD3
 
 from agents import make_vec_env
+from flatgym import Distribution, Hoop, Scenario, Tolerance
 
 
 @pytest.fixture(autouse=True)
@@ -271,8 +274,15 @@ class TestCleanRLLoop:
         assert losses[-1] < losses[0]
 
 
-def test_minari_records_episodes_that_replay(env, generator, tmp_path, monkeypatch):
+OWN = Scenario("own", (0, 0), (3, 1), (Hoop(1.5, 0.5, 1.0),), tolerance=Tolerance(0.2), dt=0.04)
+TASKS = {"named": "hoop", "own": OWN, "distribution": Distribution("mine", hoops=(1, 2), least_distance=3.0)}
+
+
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("stored", ["now", "before"])
+def test_minari_records_episodes_that_replay(task, stored, generator, tmp_path, monkeypatch):
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    env = gym.make("FlatQuad-v0", scenario=TASKS[task])
     collector = minari.DataCollector(env)
     for seed in (1, 2):
         collector.reset(seed=seed)
@@ -287,9 +297,16 @@ def test_minari_records_episodes_that_replay(env, generator, tmp_path, monkeypat
         description="Random flights.",
     )
     collector.close()
+    if stored == "before" and task != "named":  # Gymnasium wrote a task as the dict of its fields
+        (file,) = tmp_path.rglob("metadata.json")
+        metadata = json.loads(file.read_text())
+        spec = json.loads(metadata["env_spec"])
+        spec["kwargs"]["scenario"] = asdict(TASKS[task])
+        file.write_text(json.dumps(metadata | {"env_spec": json.dumps(spec | {"max_episode_steps": None})}))
     again = minari.load_dataset("flatquad/test/random-v0")
     assert again.total_episodes == dataset.total_episodes == 2
     replayed = again.recover_environment()
+    assert replayed.unwrapped.fleet.config.problem == env.unwrapped.fleet.config.problem
     for seed, episode in zip((1, 2), again.iterate_episodes(), strict=True):
         first, _ = replayed.reset(seed=seed)
         steps = flown(replayed, episode.actions)

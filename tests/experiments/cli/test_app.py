@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner
@@ -101,11 +102,65 @@ def test_solve_prints_the_certified_row(monkeypatch, capsys):
     assert row["max_control_violation"] == 0
 
 
-def test_solve_writes_the_flight(monkeypatch, capsys, tmp_path):
-    path = tmp_path / "flight.csv"
-    status, _, _ = flatquad(monkeypatch, capsys, "solve", "horizontal-3", "--out", str(path), "--dt", "0.05", "--json")
+def test_solve_says_what_is_certified_and_what_is_proven(monkeypatch, capsys):
+    status, out, _ = flatquad(monkeypatch, capsys, "solve", "horizontal-3")
     assert status == 0
-    assert optimal.load(path).time[-1] == pytest.approx(0.8987, abs=5e-4)
+    assert out.startswith("Certified flight in 0.8987 s, optimal; proven within 0.10 %.")
+
+
+def test_solve_writes_the_flight(monkeypatch, capsys, tmp_path):
+    path = tmp_path / "new" / "flight.csv"
+    status, _, err = flatquad(
+        monkeypatch, capsys, "solve", "horizontal-3", "--out", str(path), "--dt", "0.05", "--json"
+    )
+    assert status == 0
+    assert "sampled every 0.05 s: a reference to track" in err
+    sampled = optimal.load(path)
+    assert not sampled.held
+    assert sampled.time[-1] == pytest.approx(0.8987, abs=5e-4)
+
+
+def test_solve_writes_steps_that_can_be_held(monkeypatch, capsys, tmp_path):
+    path, task = tmp_path / "held.csv", SCENARIOS["horizontal-3"]
+    status, _, err = flatquad(monkeypatch, capsys, "solve", "horizontal-3", "--steps", "--out", str(path), "--json")
+    assert status == 0
+    assert "controls to hold for 44 steps of 0.02 s" in err
+    held = optimal.load(path)
+    assert held.held
+    end = task.quadrotor.fly(task.start_state, held.control[:-1], np.diff(held.time))[-1]
+    assert np.hypot(*(end - task.goal_state)[0:2]) <= task.tolerance.position
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["--out", "{}/new/flight.xlsx"], 2, "unknown ending '.xlsx' of flight.xlsx; known: .csv, .json, .npz"),
+        (["--out", "{}/file/x.csv"], 1, "x.csv cannot be made"),
+        (["--out", "{}"], 2, "unknown ending ''"),
+        (["--out", "{}/flight.csv", "--dt", "0"], 2, "dt must be positive, got 0.0"),
+        (["--out", "{}/flight.csv", "--dt", "nan"], 2, "dt must be finite, got nan"),
+        (["--dt", "0"], 2, "dt must be positive"),
+        (
+            ["--steps", "--out", "{}/x.csv", "--dt", "0.01"],
+            2,
+            "--dt samples the flight, but --steps --out writes steps",
+        ),
+        (["--limits", "foo"], 2, "checks='foo' is an option of flat"),
+        (["--method", "flat", "--limits", "foo"], 2, "checks must be"),
+        (["--gap", "0"], 2, "max_gap must be positive"),
+    ],
+)
+def test_bad_arguments_of_solve_are_refused_before_the_work(monkeypatch, capsys, tmp_path, arguments, status, words):
+    (tmp_path / "file").write_text("")
+    for part in ("_flat", "_shooting"):
+        if "flat" not in arguments:  # the flat method checks its own options
+            monkeypatch.setattr(f"optimal.minimum_time.{part}", lambda *_: pytest.fail("a solve began"))
+    given = [argument.format(tmp_path) for argument in arguments]
+    code, out, err = flatquad(monkeypatch, capsys, "solve", "horizontal-3", *given)
+    assert code == status
+    assert words in " ".join(err.split())
+    assert out == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 @pytest.mark.parametrize(

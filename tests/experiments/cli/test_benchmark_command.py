@@ -8,6 +8,8 @@ from dataclasses import replace
 
 import pytest
 
+from agents.policies.archive import PRETRAINED
+from agents.policies.fingerprint import fingerprint
 from experiments.benchmark import suite
 from experiments.benchmark.results import merge, select_problem
 from experiments.benchmark.suite import SUITES, Suite
@@ -47,6 +49,9 @@ def test_failures_are_reported_and_the_rest_goes_on(folder):
     assert set(cells) == {("bc", 0), ("bc", 1), ("pd", 0), ("pretrained", 0), ("crasher", 0), ("sleeper", 0)}
     assert "ZeroDivisionError" in cells["crasher", 0]["error"]
     assert "no answer within 2 s" in cells["sleeper", 0]["error"]
+    assert cells["pretrained", 0]["fingerprint"] == fingerprint(PRETRAINED / "climb.zip")
+    assert cells["bc", 1]["fingerprint"] == fingerprint(folder / "benchmark" / "climb-bc-1.zip")
+    assert cells["pd", 0]["fingerprint"] is None
     assert cells["pretrained", 0]["episodes"]["nominal"]["steps"] == results["k_star"]["climb"][:1]
     assert results["commit"] is None or len(results["commit"]) in (40, 41)
     table = (folder / "benchmark.csv").read_text()

@@ -4,11 +4,14 @@ import json
 import math
 import re
 import time
+from dataclasses import replace
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+import flatgym
 from agents.evaluation.scores import COLUMNS
 from agents.policies import archive
 from agents.policies.fingerprint import fingerprint
@@ -16,6 +19,7 @@ from experiments.cli import app
 from experiments.cli import evaluate as command
 from experiments.scoring import score
 from flatgym import Hoop, Scenario
+from flatgym.scenarios.files import to_text
 from flatgym.scenarios.reference import EVALUATION_SEED
 from tests.experiments.cli.shell import flatquad
 
@@ -123,6 +127,7 @@ def test_a_policy_of_ones_own_is_scored_and_compared_with_ours(monkeypatch, caps
     assert status == 0, err
     assert (row["agent"], row["scenario"], row["success_rate"]) == ("Mine", "climb", 1)
     assert str(tmp_path / "mine.html") in err
+    assert f"its scores: {tmp_path}/mine.json, and {tmp_path}/mine/" in err
     cells = {cell["agent"]: cell for cell in json.loads((tmp_path / "mine.json").read_text())["cells"]}
     assert set(cells) == {"Mine", "pretrained", "expert", "open-loop", "pd"}
     assert (
@@ -267,3 +272,32 @@ def test_a_policy_that_misbehaves_is_reported(monkeypatch, capsys, tmp_path, bod
     status, out, err = evaluate(monkeypatch, capsys, "hostile:policy", "--scenario", "climb", "--timeout", "5")
     assert (status, out) == (2, "")
     assert words in err
+
+
+GAP = Hoop(2.5, 3.2, 0.5)
+
+
+@pytest.mark.parametrize(("name", "hoops"), [("hoop", (GAP,)), ("horizontal-3", ()), ("own", ())])
+def test_the_report_of_an_own_scenario_shows_its_content_whatever_it_is_called(
+    monkeypatch, capsys, tmp_path, name, hoops
+):
+    """A built-in name does not bring the built-in scenario, K*, or agents; the agent that is scored is in the page."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(command, "COMPARED_WITH", ("pretrained",))
+    own = replace(flatgym.SCENARIOS["diagonal"], name=name, goal=(1.5, 1.5) if not hoops else (5, 5), hoops=hoops)
+    Path("track.toml").write_text(to_text(own, ".toml"))
+    arguments = ("--agent", "pd", "--scenario", "track.toml", "--episodes", "1", "--report", "mine.html", "--json")
+    status, out, err = evaluate(monkeypatch, capsys, *arguments)
+    (row,) = json.loads(out)
+    label = f"{name}-{own.digest[:8]}"
+    assert (status, row["scenario"]) == (0, label), err
+    results = json.loads(Path("mine.json").read_text())
+    assert [(cell["problem"], cell["agent"]) for cell in results["cells"]] == [(label, "pd")]
+    assert Scenario.from_dict(results["tasks"][label]["content"]) == own
+    assert results["tasks"][label]["best"]["k_star"] == row["k_star"]
+    page = Path("mine.html").read_text()
+    races = json.loads(re.search(r'<script[^>]*id="races"[^>]*>(.*?)</script>', page, re.DOTALL)[1])
+    assert races["first"] == label
+    drawn = races["scenarios"][label]
+    assert (drawn["goal"], drawn["k_star"], len(drawn["hoops"])) == ([*own.goal], row["k_star"], len(hoops))
+    assert [entry["name"] for entry in drawn["entries"]] == [f"best known, K* = {row['k_star']}", "cascaded PD"]

@@ -5,8 +5,12 @@ import json
 import pytest
 from typer.testing import CliRunner
 
+from agents.evaluation.optima import best_known
+from agents.policies import describe
 from agents.training.configs import from_json
 from experiments.cli import app
+from flatgym import Hoop, Scenario, reference
+from flatgym.scenarios import catalogue
 from tests.experiments.cli.shell import flatquad
 
 SHORT = ("train", "horizontal-3", "--env-steps", "16384", "--seconds", "100000", "--json")
@@ -48,3 +52,20 @@ def test_bad_arguments_are_refused_with_a_reason(monkeypatch, capsys, tmp_path, 
     assert status == 2
     assert words in " ".join(err.split())
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_own_track_is_trained_by_its_content_and_scored_against_its_k_star(monkeypatch, capsys, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    track = Scenario("hoop", (0, 0), (2, 0), hoops=(Hoop(1, 0, 1),))  # not the built-in `hoop`
+    path, folder = tmp_path / "track.json", tmp_path / "run"
+    path.write_text(track.to_json())
+    arguments = ("train", str(path), "--env-steps", "16384", "--seconds", "100000", "--folder", str(folder), "--json")
+    status, out, err = flatquad(monkeypatch, capsys, *arguments)
+    assert status == 0, err
+    (row,) = json.loads(out)
+    known = best_known(track, tmp_path / "cache" / "flatquad")
+    assert (row["scenario"], row["k_star"]) == (f"hoop-{track.digest[:8]}", known.k_star)
+    assert reference("hoop").k_star != known.k_star
+    path.unlink()  # the model holds the content, not the path
+    assert catalogue.problem(from_json((folder / "config.json").read_text()).scenario) == track
+    assert catalogue.problem(describe(folder / "model.zip")["scenario"]) == track

@@ -274,6 +274,20 @@ def test_bad_arguments_exit_2_with_the_way_out(monkeypatch, capsys, arguments, w
     assert words in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.parametrize("options", [[], ["--video", "flight.gif"]])
+def test_without_a_display_it_says_so_and_ends(monkeypatch, capsys, tmp_path, options):
+    for variable in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["flatquad", "play", "hoop", *options])
+    pygame.display.quit()
+    with pytest.raises(SystemExit) as end:
+        app.main()
+    assert end.value.code == 1
+    assert "failed: no display was found to fly on" in " ".join(capsys.readouterr().err.split())
+    assert not list(tmp_path.iterdir())
+
+
 def test_help_has_an_example():
     result = CliRunner().invoke(app.app, ["play", "--help"])
     assert result.exit_code == 0

@@ -1,10 +1,13 @@
 """Constraint tightening: robust flights take K* steps and keep their margins."""
 
+from dataclasses import replace
+
 import pytest
 
 from experiments.recipes.margins import (
     HOOP_MARGINS,
     HOOP_SHARE,
+    OWN_MARGIN,
     robust_flight,
     with_hoop_margin,
     with_hoop_share,
@@ -32,3 +35,14 @@ def test_a_share_of_the_free_width_leaves_room_for_the_vehicle():
     radius = scenario.quadrotor.radius
     for hoop, narrow in zip(scenario.hoops, with_hoop_share(scenario, HOOP_SHARE).hoops, strict=True):
         assert narrow.diameter - 2 * radius == pytest.approx(HOOP_SHARE * (hoop.diameter - 2 * radius))
+
+
+def test_margins_are_found_by_content_and_not_by_name():
+    hoop = SCENARIOS["hoop"]
+    assert with_margins(replace(hoop, name="mine")).hoops == with_margins(hoop).hoops
+    other = replace(hoop.with_diameters([0.2]), goal=(5.0, 4.0))  # called hoop, whose margin is wider than this gap
+    assert with_margins(other) == with_hoop_margin(other, OWN_MARGIN)
+    assert with_margins(other.with_diameters([0.06])) == with_hoop_share(other.with_diameters([0.06]), HOOP_SHARE)
+    flight = robust_flight(other)
+    for tightened in (other, with_margins(other)):
+        assert fly_actions(tightened, flight.actions)[-1].outcome[0] == GOAL

@@ -24,6 +24,14 @@ def test_the_page_is_small_and_fast_and_draws_its_figures(tab, desk, file, evil)
     assert evil[:10] in drawn(tab, "figure.gap .chart").text_content()
 
 
+def test_a_picture_of_the_whole_page_shows_all_figures(tab):
+    tab.evaluate("scrollTo(0, 0)")
+    tab.wait_for_selector("html[data-figures=drawn]", state="attached", timeout=20_000)
+    blank = """[...document.querySelectorAll(".chart")]
+        .filter(place => place.clientWidth && !place.querySelector("svg.main-svg")).map(place => place.id)"""
+    assert tab.evaluate(blank) == []
+
+
 def test_the_tables_show_the_numbers_of_the_data_block(tab, numbers):
     read_table = "id => [...document.querySelectorAll(`#${id} tbody tr`)].map(r => [...r.cells].map(c => c.innerText))"
     shown = {(row[0], row[1].split("\n")[0]): row for row in tab.evaluate(read_table, "leaderboard")}

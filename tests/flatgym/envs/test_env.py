@@ -6,14 +6,17 @@ import pickle
 import subprocess
 import sys
 from dataclasses import replace
+from importlib.metadata import PackageNotFoundError
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
+from stable_baselines3.common.env_util import make_vec_env
 
 from flatgym import DISTRIBUTIONS, OBSERVATION_NAMES, OUTCOMES, SCENARIOS, Hoop, observation_names
+from flatgym.envs.config import Starts
 from flatgym.envs.env import FlatQuadEnv
 from flatgym.envs.vector import FlatQuadVectorEnv
 from flatgym.scenarios.reference import ghost_states, reference
@@ -21,11 +24,32 @@ from flatgym.scenarios.reference import ghost_states, reference
 INFO_KEYS = {"state", "time", "steps", "hoops_passed", "is_success", "outcome", "k_star"}
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
-def test_environment_checkers_of_gymnasium_and_sb3_pass(name):
-    env = gym.make("FlatQuad-v0", scenario=name).unwrapped
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        *({"scenario": task} for task in (*SCENARIOS, *DISTRIBUTIONS)),
+        {"scenario": replace(SCENARIOS["slalom"], dt=0.01)},
+        {"scenario": replace(DISTRIBUTIONS["random-hoops"], time_limit=3.0)},
+        {"scenario": "random-goal", "wind": 1.0, "action_delay": 2, "sensor_noise": 0.01},
+        {"starts": Starts(np.zeros((3, 5)))},
+    ],
+    ids=str,
+)
+def test_environment_checkers_of_gymnasium_and_sb3_pass(arguments, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = gym.make("FlatQuad-v0", **arguments).unwrapped
     check_env(env)
     check_env_sb3(env)
+
+
+@pytest.mark.parametrize("scenario", [replace(SCENARIOS["hoop"], dt=0.01), "random-goal"], ids=["own", "sampled"])
+def test_an_unknown_k_star_is_zero_in_every_kind_of_batch(scenario):
+    single = gym.make("FlatQuad-v0", scenario=scenario)
+    batches = [gym.make_vec("FlatQuad-v0", 2, mode, scenario=scenario) for mode in ("sync", "vector_entry_point")]
+    assert single.reset(seed=3)[1]["k_star"] == single.step(np.zeros(2, np.float32))[4]["k_star"] == 0
+    for envs in batches:
+        for infos in (envs.reset(seed=3)[1], envs.step(np.zeros((2, 2), np.float32))[4]):
+            assert (infos["k_star"].tolist(), infos["k_star"].dtype) == ([0, 0], np.int64)
 
 
 def test_episodes_end_with_one_outcome_and_the_same_info_keys(generator):
@@ -217,6 +241,76 @@ def test_processes_give_the_same_episodes():
     batch = FlatQuadVectorEnv(2, "random-goal")
     np.testing.assert_array_equal(observation, batch.reset(seed=5)[0])
     np.testing.assert_array_equal(flown, batch.step(np.zeros((2, 2)))[0])
+
+
+# Pictures
+
+
+@pytest.mark.parametrize("scenario", ["hoop", "random-hoops"])
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_draws_what_the_original_draws(scenario, duplicate):
+    env = gym.make("FlatQuad-v0", scenario=scenario, render_mode="rgb_array")
+    env.reset(seed=3)
+    env.step(env.action_space.high)
+    env.render()
+    twin = duplicate(env)
+    for one in (env, twin):
+        one.step(one.action_space.low)
+    np.testing.assert_array_equal(twin.render(), env.render())
+
+
+@pytest.mark.parametrize("mode", ["rgb_array", "human"])
+def test_a_closed_environment_can_be_reset_and_rendered(mode, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = gym.make("FlatQuad-v0", render_mode=mode)
+    drawn = []
+    for _ in range(2):
+        env.reset(seed=0)
+        env.step(env.action_space.high)
+        drawn.append(env.render())
+        assert env.unwrapped.recorder._renderer.is_open
+        env.close()
+        env.close()
+    np.testing.assert_array_equal(*drawn)
+
+
+@pytest.mark.parametrize(("dt", "rate"), [(0.02, 50.0), (0.005, 200.0), (0.04, 25.0), (0.03, 1 / 0.03)])
+def test_films_run_at_the_rate_of_the_steps(dt, rate):
+    scenarios = replace(SCENARIOS["hoop"], dt=dt), replace(DISTRIBUTIONS["random-goal"], dt=dt)
+    for env in (gym.make("FlatQuad-v0", scenario=scenario) for scenario in scenarios):
+        assert env.metadata["render_fps"] == env.unwrapped.metadata["render_fps"] == rate
+    assert FlatQuadEnv.metadata["render_fps"] == 50
+
+
+def test_without_pygame_only_pictures_fail(monkeypatch):
+    monkeypatch.setattr("flatgym.extras.find_spec", lambda _: None)
+    command = r"pip install 'flatgym\[render\]'"
+    with pytest.warns(UserWarning, match=rf"render\(\) will fail: pygame not installed; run: {command}"):
+        env = gym.make("FlatQuad-v0", render_mode="rgb_array")
+    env.reset(seed=0)
+    env.step(env.action_space.high)
+    with pytest.raises(ImportError, match=command):
+        env.render()
+    with pytest.raises(ImportError, match=command):
+        gym.make("FlatQuad-v0", render_mode="human")
+    with pytest.warns(UserWarning, match=command):
+        make_vec_env("FlatQuad-v0", n_envs=2).reset()
+
+
+def test_plain_pygame_is_named(monkeypatch):
+    def missing(name):
+        raise PackageNotFoundError(name)
+
+    words = "need the package pygame-ce, and the package pygame is installed in its place; run: pip uninstall pygame"
+    with monkeypatch.context() as patch:
+        patch.setattr("flatgym.rendering.renderer.version", missing)
+        with pytest.warns(UserWarning, match=words):
+            FlatQuadEnv(render_mode="rgb_array")
+    env = FlatQuadEnv(render_mode="rgb_array")
+    env.reset()
+    monkeypatch.delattr("pygame.IS_CE")  # both packages were installed, one over the other
+    with pytest.raises(ImportError, match=words):
+        env.render()
 
 
 # Laws

@@ -1,11 +1,4 @@
-"""Gymnasium's RecordVideo records the environment.
-
-RecordVideo writes through moviepy, which conflicts with the pillow version of Minari. A substitute clip with the same
-interface writes through imageio; everything else is Gymnasium's own.
-"""
-
-import sys
-from types import ModuleType
+"""Gymnasium's RecordVideo records the environment; `tests.conftest` stands in for moviepy."""
 
 import gymnasium as gym
 import imageio.v3 as imageio
@@ -14,24 +7,6 @@ import pytest
 from gymnasium.wrappers import RecordVideo
 
 from flatgym.scenarios.reference import reference
-
-
-class ImageSequenceClip:
-    """The part of moviepy's class that RecordVideo calls."""
-
-    def __init__(self, sequence, fps):
-        self.frames, self.fps = np.array(sequence), fps
-
-    def write_videofile(self, filename, **_):
-        imageio.imwrite(filename.replace(".mp4", ".gif"), self.frames, duration=1000 / self.fps)
-
-
-@pytest.fixture
-def moviepy(monkeypatch):
-    names = ["moviepy", "moviepy.video", "moviepy.video.io", "moviepy.video.io.ImageSequenceClip"]
-    for name in names:
-        monkeypatch.setitem(sys.modules, name, ModuleType(name))
-    sys.modules[names[-1]].ImageSequenceClip = ImageSequenceClip
 
 
 @pytest.mark.usefixtures("moviepy")

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import gymnasium as gym
 import jsonschema
@@ -182,3 +183,19 @@ def test_the_schema_describes_every_field():
     assert units["Tolerance"]["properties"]["speed"] == {
         "type": "number", "description": "maximum speed [m/s].", "default": Tolerance().speed,
     }  # fmt: skip
+
+
+def test_the_published_schema_is_that_of_the_dataclasses():
+    """To write it anew: json.dumps(schema(), indent=1)."""
+    published = Path(__file__).parents[3] / "docs" / "scenario.schema.json"
+    assert json.loads(published.read_text(encoding="utf-8")) == json.loads(json.dumps(schema()))
+
+
+def test_the_file_in_the_documentation_can_be_read(tmp_path):
+    page = (Path(__file__).parents[3] / "docs" / "extending.md").read_text(encoding="utf-8")
+    path = tmp_path / "documented.toml"
+    path.write_text(page.partition("```toml\n")[2].partition("```")[0], encoding="utf-8")
+    found = load(path)
+    assert (found.name, found.hoops[1], found.quadrotor.rate_max) == ("my_track", Hoop(5, 2.5, 0.8, 0.5), 8)
+    assert load(path) == replace(found, dt=Scenario("x", (0, 0), (1, 0)).dt, time_limit=5.0)
+    assert CHECK.is_valid(found.to_dict())

@@ -185,6 +185,71 @@ def test_degenerate_paths_are_refused(path: Path, message: str) -> None:
         follow(path)
 
 
+L_SHAPE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+Z_SHAPE = (*L_SHAPE, (2.0, 1.0))
+CORNERS: dict[str, tuple[Path, FlatSystem, str, int]] = {
+    "L": (BSplinePath(L_SHAPE, 1), PointMass(speed_max=1.0), "0.5", 1),
+    "Z": (BSplinePath(Z_SHAPE, 1), PointMass(), "0.3333", 1),
+    "Z, knots off the grid": (BSplinePath(Z_SHAPE, 1, (0, 0, 0.31, 0.7377, 1, 1)), PointMass(), "0.7377", 1),
+    "a straight line at two speeds": (BSplinePath(((0, 0), (0.9, 0), (2, 0)), 1), PointMass(), "0.5", 1),
+    "parabolas": (BSplinePath(Z_SHAPE, 2), PlanarQuadrotor(), "0.5", 2),
+    "triple knot": (
+        BSplinePath((*Z_SHAPE, (2.0, 2.0), (3.0, 2.0), (3.0, 3.0)), 3, (0,) * 4 + (0.3,) * 3 + (1,) * 4),
+        PointMass(),
+        "0.3",
+        1,
+    ),
+    "cubics under a crane": (
+        BSplinePath(((0, -4), (1, -2), (2, -3), (3, -2), (4, -4)), 3), OverheadCrane(), "0.5", 3
+    ),
+    "any function": (lambda s, order=0: LINE(s, order) * (1 + (np.asarray(s)[..., None] > 0.6)), PointMass(), "0.6", 0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_a_path_with_a_jump_is_refused_with_its_place(name: str) -> None:
+    path, system, place, order = CORNERS[name]
+    with pytest.raises(ValueError, match=rf"not smooth at s = {place}: its derivative of order {order} jumps by"):
+        follow(path, system)
+
+
+def test_a_path_with_a_jump_that_the_system_does_not_feel_is_flown() -> None:
+    # y'' jumps: an input of the point mass.
+    assert follow(BSplinePath(Z_SHAPE, 2), PointMass()).converged
+
+
+def test_multiple_knots_of_a_smooth_path_change_nothing() -> None:
+    plain = follow(BSplinePath(((0.0, 0.0), (3.0, 0.0)), 1), PointMass())
+    for points, degree, inner in (((0, 1, 2, 3), 1, (1 / 3, 2 / 3)), ((0, 0.5, 1, 1.5, 2, 2.5, 3), 3, (0.5,) * 3)):
+        knots = (0.0,) * (degree + 1) + inner + (1.0,) * (degree + 1)
+        path = BSplinePath(tuple((float(x), 0.0) for x in points), degree, knots)
+        assert follow(path, PointMass()).time == pytest.approx(plain.time, rel=1e-9)
+
+
+STRAIGHT = tuple((x, 0.0) for x in np.linspace(0, 6, 8).tolist())
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        BSplinePath((STRAIGHT[0], *STRAIGHT)),
+        BSplinePath((STRAIGHT[0], *STRAIGHT, STRAIGHT[-1])),
+        BSplinePath((*STRAIGHT[:1] * 3, *STRAIGHT[1:-1], *STRAIGHT[-1:] * 3)),
+        BezierPath((STRAIGHT[0], STRAIGHT[0], STRAIGHT[-1], STRAIGHT[-1])),
+    ],
+)
+def test_repeated_end_points_do_not_change_the_time(path: Path) -> None:
+    solution = follow(path)
+    assert solution.optimised, solution.status
+    assert PLANNED_6 < solution.time == pytest.approx(followed("planar").time, rel=0.015)
+
+
+@pytest.mark.parametrize("length", [1e-4, 1e-3, 1e4])
+def test_the_time_scales_with_the_root_of_the_length(length: float) -> None:
+    solution = follow(BezierPath(((0.0, 0.0), (length, 0.0))), PointMass(acceleration_max=10.0))
+    assert 2 * np.sqrt(length / 10) <= solution.time < 2 * np.sqrt(length / 10) * (1 + 1e-3)
+
+
 def test_a_path_that_is_not_finite_is_refused() -> None:
     def path(s: ArrayLike, order: int = 0) -> Array:
         values = LINE(s, order)

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
+import optimal
 from flatgym.quadrotor import Quadrotor
 from flatgym.scenarios.catalogue import SCENARIOS
-from optimal.flat.initial_guess import INITIAL_SQUARED_SPEED, motion, slow_start
+from optimal.flat.initial_guess import INITIAL_SQUARED_SPEED, UNIT_STEP, motion, slow_start
 from optimal.flat.limits import constraint_violation
 from optimal.flat.planning import plan, pose
+from optimal.flat.problem import PlanningProblem
 from optimal.flat.program import SUCCESS, solve_program
 from optimal.flat.refinement import INTERVALS, _along_central_path
 from optimal.flat.solution import FlatSolution
 from optimal.flat.trajectory import FlatTrajectory
 from optimal.paths.corridors import Corridor, paper_corridor
-from optimal.paths.curves import PolynomialPath, smoothstep
-from optimal.systems import FullQuadrotor
+from optimal.paths.curves import BSplinePath, PolynomialPath, Resting, smoothstep
+from optimal.systems import FullQuadrotor, PlanarQuadrotor
 
 BEST = {
     "horizontal-3": 0.89870292,
@@ -55,9 +58,9 @@ def level(advance: float, *others: float) -> PolynomialPath:
     return PolynomialPath((tuple((advance * smoothstep(3)).coef), *((other,) for other in others)))
 
 
-def start_of(name: str, conditions: str) -> FlatTrajectory:
+def start_of(name: str, conditions: str) -> tuple[PlanningProblem, FlatTrajectory]:
     problem = pose(paper(name).paths, None, paper(name).ends, conditions, "certified")
-    return motion(problem, slow_start(problem, 8))
+    return problem, motion(problem, slow_start(problem, 8))
 
 
 @pytest.mark.parametrize("name", BEST)
@@ -142,9 +145,11 @@ def test_the_length_flown_is_the_length_of_the_path() -> None:
 
 @pytest.mark.parametrize("name", PRINTED)
 def test_the_slow_central_start_is_feasible(name: str) -> None:
-    flight = start_of(name, "explicit")
+    problem, flight = start_of(name, "explicit")
     assert constraint_violation(flight) == 0
-    assert flight.duration == pytest.approx(1 / np.sqrt(INITIAL_SQUARED_SPEED), rel=1e-12)
+    assert flight.duration == pytest.approx((INITIAL_SQUARED_SPEED * problem.speed_unit) ** -0.5, rel=1e-12)
+    faster = replace(problem, speed_unit=problem.speed_unit * UNIT_STEP)
+    assert constraint_violation(motion(faster, slow_start(problem, 8))) > 0
     weights = flight.weights(np.linspace(0, 1, 101))
     assert weights.min() >= -1e-15
     assert weights.max() <= 1 + 1e-15
@@ -285,3 +290,30 @@ def test_implicit_conditions_require_more_derivatives_at_rest() -> None:
 
 def test_the_default_grid_is_kept_if_it_is_fine_enough() -> None:
     assert planned("horizontal-6").intervals == INTERVALS
+
+
+def test_outer_paths_with_a_jump_are_refused_with_its_place() -> None:
+    kinked = Resting(BSplinePath(((0.0, -1.0), (2.0, -1.0), (2.0, 1.0), (6.0, -1.0)), 2))
+    with pytest.raises(ValueError, match=r"path 1 is not smooth at s = 0\.5: its derivative of order 2 jumps"):
+        plan([level(6, 1), kinked])
+
+
+def test_without_gravity_a_flat_quadrotor_is_refused_before_any_solve(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("optimal.flat.planning.optimise", lambda *_: pytest.fail("a solve began"))
+    weightless = Quadrotor(gravity=0.0, thrust_min=0.0)
+    for refused in (
+        lambda: plan([level(6, -1), level(6, 1)], weightless),
+        lambda: PlanarQuadrotor(weightless),
+        lambda: optimal.solve(replace(SCENARIOS["horizontal-6"], quadrotor=weightless), "flat"),
+    ):
+        with pytest.raises(ValueError, match=r"needs gravity > 0.*got Quadrotor\.gravity = 0\.0; use `optimal\.solve"):
+            refused()
+    with pytest.raises(ValueError, match=r"FullQuadrotor\.gravity must be positive.*got 0\.0"):
+        FullQuadrotor(gravity=0.0, thrust_min=0.0)
+
+
+@pytest.mark.parametrize("vehicle", [Quadrotor(thrust_min=0.5), Quadrotor(thrust_min=0.0)])
+def test_other_limits_of_the_thrust_are_flown(vehicle: Quadrotor) -> None:
+    solution = plan([level(6, -1), level(6, 1)], vehicle, intervals=16)
+    assert solution.converged, solution.status
+    assert solution.violation <= 1e-6
