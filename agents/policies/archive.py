@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +138,7 @@ def describe(path: str | Path, algorithm_name: str = "") -> dict[str, Any]:
             card = json.loads(file.read(CARD)) if CARD in inside else {}
             data = json.loads(file.read("data")) if "data" in inside else {}
             weights = file.read(WEIGHTS) if WEIGHTS in inside else b""
-    except (zipfile.BadZipFile, EOFError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (zipfile.BadZipFile, zlib.error, EOFError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise ValueError(
             f"{path} is not a whole zip of a policy: {error}; a download may have been cut short"
         ) from error

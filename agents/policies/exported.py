@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 import warnings
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -108,7 +109,7 @@ def _torchscript(path: Path, trust: bool) -> torch.nn.Module:
     try:
         with zipfile.ZipFile(path) as file:
             code = {name: file.read(name).decode() for name in file.namelist() if name.endswith(".py")}
-    except (zipfile.BadZipFile, EOFError, UnicodeDecodeError) as error:
+    except (zipfile.BadZipFile, zlib.error, EOFError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is not a whole TorchScript archive: {error}") from error
     if not code:
         raise ValueError(

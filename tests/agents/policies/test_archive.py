@@ -167,9 +167,10 @@ def test_truncated_files_are_named(file, share):
         policies.load(file, trust=True)
 
 
-def test_a_corrupt_byte_is_detected(file):
+@pytest.mark.parametrize("place", np.linspace(0.02, 0.98, 25))
+def test_a_corrupt_byte_is_detected(file, place):
     content = bytearray(file.read_bytes())
-    content[len(content) // 2] ^= 0xFF
+    content[int(len(content) * place)] ^= 0xFF
     file.write_bytes(content)
     with pytest.raises(ValueError, match=r"policy.zip is (damaged|not a whole zip)"):
         policies.load(file, trust=True)
