@@ -21,7 +21,7 @@ from flatgym.scenarios.scenario import Scenario
 from optimal.direct.guesses import warm_start
 from optimal.direct.program import NODES, Shape, phase_steps
 from optimal.direct.shooting import ShootingSolution, solve_from
-from optimal.direct.transcription import has_height_limits
+from optimal.direct.transcription import distinct_hoops, has_height_limits
 from optimal.flights.certificate import TOLERANCE, Certificate, certify
 from optimal.flights.replay import path_violation, replay_controls
 
@@ -88,7 +88,8 @@ def tighten(
         rims = bool(scenario.hoops) and scenario.quadrotor.radius > 0
         shape = Shape(shot.steps, has_height_limits(scenario), False, rims)
         guess = warm_start(shot.trajectory, shot.steps)
-        shot = solve_from(tightened_limits(scenario, margin), shape, shot.winding, guess, warm=True, clearance=margin)
+        flown = tightened_limits(distinct_hoops(scenario), margin)
+        shot = solve_from(flown, shape, shot.winding, guess, warm=True, clearance=margin)
         certificate = certify(shot.trajectory, scenario)
     return shot, certificate
 

@@ -31,6 +31,8 @@ from optimal.direct.windings import SLACK, pruned_windings
 
 STARTS = 3
 """Starts for each winding: one start may fail or end in a slower optimum, and only several can show agreement."""
+FURTHER = 2
+"""Factor of the starts for a winding in which none has converged."""
 AGREEMENT = 1e-4
 """Relative difference of two flight times below which they are the same optimum."""
 COARSE_AGREEMENT = 1e-5
@@ -74,7 +76,8 @@ def search(
     Args:
         scenario: the task.
         windings: whole turns to try; with two or more hoops, WINDINGS stands for any number.
-        starts: starts for each winding, the first from the default guess and the others from random guesses.
+        starts: starts for each winding, the first from the default guess and the others from random guesses; up to
+            FURTHER times as many until one converges.
         seed: seed of the random guesses.
         nodes: steps of the whole flight.
 
@@ -136,11 +139,14 @@ def coarse_multistart(
     while left and 2 * math.pi * abs(left[0]) / scenario.quadrotor.rate_max <= fastest * (1 + slack):
         if segments and len(left) <= few and math.isfinite(fastest):
             break
-        winding = left.pop(0)
-        for i in range(starts):
+        winding, known = left.pop(0), False
+        for i in range(FURTHER * starts):
+            if i >= starts and known:
+                break
             generator = np.random.default_rng((seed, winding % 2**32, i)) if i else None
             shot = solve_coarse(scenario, winding, nodes=nodes, generator=generator)
             tried.append(shot)
+            known = known or shot.converged
             if shot.converged:
                 fastest = min(fastest, shot.trajectory.duration)
             if shot.converged and i == 0:

@@ -18,6 +18,7 @@ from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
 from optimal.direct.guesses import first_guess, guess_along, upsampled_guess, warm_start
 from optimal.direct.program import NODES, Shape, bounds, coarse_steps, layout, phase_steps, program
+from optimal.direct.solver_process import call
 from optimal.direct.transcription import has_height_limits
 from optimal.flights.trajectory import Trajectory
 
@@ -31,7 +32,7 @@ class ShootingSolution:
 
     Attributes:
         converged: whether the solver reached its tolerances.
-        message: the solver's own status.
+        message: the solver's own status, or that the call did not return.
         winding: whole turns of the tilt.
         trajectory: the flight at the last iterate; valid only if converged.
         costates: multipliers of the step equations, shape (N, 5).
@@ -52,23 +53,22 @@ def solve_from(
     scenario: Scenario, shape: Shape, winding: int, guess: Array, *, warm: bool = False, clearance: float = 0.0
 ) -> ShootingSolution:
     """Run the solver once from a given guess; see `program` and `bounds` for the arguments."""
-    run, (stages, _, gaps, _, _) = program(shape, warm), layout(shape)
-    result = run(x0=guess, **bounds(scenario, shape, winding, clearance))
-    stats, values = run.stats(), np.array(result["x"]).ravel()
-    h = values[stages.departures]
+    stages, _, gaps, _, _ = layout(shape)
+    found = call(program, (shape, warm), x0=guess, **bounds(scenario, shape, winding, clearance))
+    h = found.x[stages.departures]
     trajectory = Trajectory(
         breakpoints=np.append(0.0, np.cumsum(h)),
-        states=values[stages.states],
-        controls=values[stages.controls],
+        states=found.x[stages.states],
+        controls=found.x[stages.controls],
         quadrotor=scenario.quadrotor,
     )
     return ShootingSolution(
-        converged=stats["success"],
-        message=stats["unified_return_status"],
+        converged=found.converged,
+        message=found.message,
         winding=winding,
         trajectory=trajectory,
-        costates=np.array(result["lam_g"]).ravel()[gaps[:, :5]],
-        iterations=stats["iter_count"],
+        costates=found.multipliers[gaps[:, :5]],
+        iterations=found.iterations,
         steps=shape.steps,
     )
 

@@ -104,15 +104,17 @@ def solver(stages: Stages, problem: dict[str, Any], further: Sequence[Constraint
 def tightened(low: Array, high: Array, share: float = TIGHTENING_SHARE) -> tuple[Array, Array]:
     """Return bounds moved inwards by the relaxation of the solver, so that a solution keeps the true bounds.
 
-    Equations and infinite bounds stay unchanged.
+    Equations and infinite bounds stay unchanged, and half of the room between two bounds is left.
 
     Args:
         low, high: the bounds.
         share: of the relaxation; less than 1 where the true bound itself must remain feasible.
     """
-    room, least, most = high - low > 0, np.isfinite(low), np.isfinite(high)
-    up = np.where(room & least, share * RELAXATION * np.maximum(1, np.abs(np.where(least, low, 0.0))), 0.0)
-    down = np.where(room & most, share * RELAXATION * np.maximum(1, np.abs(np.where(most, high, 0.0))), 0.0)
+    room, least, most = high - low, np.isfinite(low), np.isfinite(high)
+    up, down = (
+        np.where((room > 0) & finite, np.minimum(share * RELAXATION * np.maximum(1, np.abs(bound)), room / 4), 0.0)
+        for finite, bound in ((least, np.where(least, low, 0.0)), (most, np.where(most, high, 0.0)))
+    )
     return low + up, high - down
 
 

@@ -7,7 +7,7 @@ transcription therefore adds no integration error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -15,11 +15,16 @@ import casadi as ca
 import numpy as np
 
 from flatgym.quadrotor import Array, exact_step
-from flatgym.scenarios.scenario import Scenario
+from flatgym.scenarios.scenario import Hoop, Scenario
 from optimal.flights.trajectory import Flight
 
 MIN_LEG = 0.1
 """Least length that a leg counts with [m]: a phase of no length has no step length."""
+CLOSE = 1e-9, 5e-4
+"""Distances between two hoops that are passed at once [m]. A flight at 20 m/s flies the larger one in a phase of the
+shortest steps. Hoops on one line are passed one after the other, as the environment counts them."""
+PARALLEL = 1e-6
+"""Sine of the angle between two hoops below which they count as parallel."""
 
 
 class _Symbols:
@@ -68,6 +73,39 @@ def geometry(scenario: Scenario) -> Geometry:
     for array in arrays:
         array.flags.writeable = False
     return Geometry(*arrays)
+
+
+def distinct_hoops(scenario: Scenario, *, shared: bool = True) -> Scenario:
+    """Return a scenario with one hoop in place of several that are passed at once.
+
+    Args:
+        scenario: the task.
+        shared: whether that hoop is the part of the gaps that a flight straight through all of them passes. Otherwise
+            it is the narrowest one, so that every flight of the task is a flight of the returned scenario too.
+    """
+    kept: list[tuple[Hoop, Hoop]] = []
+    for hoop in scenario.hoops:
+        common = _common_gap(kept[-1][0], hoop, scenario.quadrotor.radius) if kept else None
+        if common is None:
+            kept.append((hoop, hoop))
+        else:
+            kept[-1] = common, min(kept[-1][1], hoop, key=lambda one: one.diameter)
+    if len(kept) == len(scenario.hoops):
+        return scenario
+    return replace(scenario, hoops=tuple(common if shared else narrowest for common, narrowest in kept))
+
+
+def _common_gap(first: Hoop, second: Hoop, radius: float) -> Hoop | None:
+    """Return the part of a hoop's gap that lies before another's close behind it; None unless a body fits through."""
+    offset = second.centre - first.centre
+    ahead, aside = float(offset @ first.direction), float(offset @ first.across)
+    parallel = abs(float(first.across @ second.direction)) < PARALLEL and float(first.direction @ second.direction) > 0
+    low = max(-first.diameter, 2 * aside - second.diameter) / 2
+    high = min(first.diameter, 2 * aside + second.diameter) / 2
+    if not (parallel and CLOSE[0] < ahead <= CLOSE[1] and high - low > 2 * radius):
+        return None
+    x, z = (first.centre + first.across * (low + high) / 2).tolist()
+    return Hoop(x, z, high - low, first.angle)
 
 
 def has_height_limits(scenario: Scenario) -> bool:

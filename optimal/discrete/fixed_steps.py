@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
 from flatgym.task.rollout import replay_to_goal
-from optimal.direct.transcription import has_height_limits
+from optimal.direct.transcription import CLOSE, PARALLEL, has_height_limits
 from optimal.discrete import program
 from optimal.flights.replay import crossing_times
 from optimal.flights.trajectory import Trajectory
@@ -26,8 +26,6 @@ STEP_EDGE = 0.02
 """A crossing this near to an end of its step, as a share of the step, is moved to the neighbouring step."""
 TOUCH = 1e-6
 """Distances to a gap that differ by less than this count as equal [m]."""
-PARALLEL = 1e-6
-"""Sine of the angle between two hoops below which they count as parallel."""
 MAX_ROUNDS = 6
 """Most solves around one assignment of hoops to steps."""
 NEIGHBOURS = (1, -1, 2, 3)
@@ -162,7 +160,7 @@ def separated(target: Scenario, steps: Array, count: int, spare: int = 0) -> tup
         before, hoop = target.hoops[i - 1], target.hoops[i]
         same = float(before.direction @ hoop.direction)
         if abs(float(before.across @ hoop.direction)) < PARALLEL:
-            back = same > 0 and float((hoop.centre - before.centre) @ hoop.direction) <= 0
+            back = same > 0 and float((hoop.centre - before.centre) @ hoop.direction) <= CLOSE[0]
             turns = 2 if back else int(same < 0)
             found[i] = max(found[i], found[i - 1] + turns + (spare if turns else 0))
     return tuple(min(max(j, 0), count - 1) for j in found)

@@ -38,6 +38,7 @@ from optimal.direct.constraints import (
     parameter_values,
     relative_to_hoop,
 )
+from optimal.direct.solver_process import call
 from optimal.direct.stage_solver import WARM, solver, tightened
 from optimal.direct.stages import Stages
 from optimal.direct.transcription import resampled, state_limits, step_function
@@ -53,7 +54,8 @@ OPTIONS = WARM | {
 """Settings of the solver. It starts from a flight of about the same duration that stops at the goal or within the
 tolerance. What converges does so within 60 iterations."""
 HOOP_MARGIN = 5e-5
-"""Distance of a planned crossing from the ends of the gap [m]. Float32 actions move the path by 3e-5 m in 8 s."""
+"""Distance of a planned crossing from the ends of the gap, a quarter of the gap at most [m]. Float32 actions move the
+path by 3e-5 m in 8 s."""
 CROSSING_SPEED = 0.02
 """Least speed through a hoop [m/s]. A flight that turns round at a hoop would only touch its line; at this speed it
 crosses the line by 1e-5 m or more."""
@@ -104,7 +106,8 @@ def _at_crossing(at: StageSymbols) -> Any:
 
 
 def _hoop_limits(target: Scenario, hoop: int, _clearance: float) -> Array:
-    gap = target.hoops[hoop].half_gap(target.quadrotor.radius) - HOOP_MARGIN
+    half = target.hoops[hoop].half_gap(target.quadrotor.radius)
+    gap = half - min(HOOP_MARGIN, half / 2)
     return np.array([[0.0, -gap, CROSSING_SPEED], [0.0, gap, np.inf]])
 
 
@@ -142,7 +145,7 @@ def stages_of(shape: StepShape) -> Stages:
     return Stages((shape.steps,), (*shape.crossings, shape.steps))
 
 
-@lru_cache(maxsize=24)  # of 5 to 8 MB each; joblib replaces workers that have grown by 300 MB, which takes seconds
+@lru_cache(maxsize=24)  # of 5 to 8 MB each
 def program(shape: StepShape) -> Any:
     """Return the parametric solver of one shape: unknowns as `stages_of` places them; `Parameters`."""
     stages, placed = stages_of(shape), list(constraints(shape))
@@ -193,8 +196,7 @@ def _chord_share(target: Scenario, hoop: int, ends: Array) -> float:
 
 def solve_program(target: Scenario, shape: StepShape, winding: int, guess: Array, clearance: float = 0.0) -> StepFlight:
     """Solve `program` once from a guess; see `bounds` for the arguments."""
-    run, stages = program(shape), stages_of(shape)
-    result = run(x0=guess, **bounds(target, shape, winding, clearance))
-    values = np.array(result["x"]).ravel()
-    *shares, m = values[stages.further]
-    return StepFlight(float(m) if run.stats()["success"] else np.inf, values[stages.controls], np.array(shares))
+    stages = stages_of(shape)
+    found = call(program, (shape,), x0=guess, **bounds(target, shape, winding, clearance))
+    *shares, m = found.x[stages.further]
+    return StepFlight(float(m) if found.converged else np.inf, found.x[stages.controls], np.array(shares))

@@ -12,12 +12,14 @@ flight is found. If none is found at the first K, K grows in increasing strides 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 
 import numpy as np
 
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
+from optimal.direct.solver_process import SolverLost, lost_calls
 from optimal.discrete.fewest_steps import FewestSteps
 from optimal.discrete.fixed_steps import StepSolution, solve_in_steps
 from optimal.flights.trajectory import Trajectory
@@ -66,21 +68,24 @@ def replan(
 ) -> StepSolution | None:
     """Return the flight in the fewest steps found near another one; None if none is found.
 
+    The search ends when calls of the solver do not return.
+
     Args:
         task: the remaining task.
         like: a flight from a nearby state through the same hoops to the goal, in steps of `task.dt`.
         winding: whole turns at its end, counted as its tilt is.
         strides: as STRIDES; fewer strides give up earlier.
     """
-    count, found = max(len(like.controls), 1), None
-    for stride in strides:
-        count = min(count + stride, task.max_steps)
-        found = solve_in_steps(task, like, winding, count, neighbours=())
-        if found is not None:
-            break
-    best = found
-    while found is not None:
-        best = found
-        shorter = best.tolerance_used <= MAX_TOLERANCE_USED and len(best.actions) > 1
-        found = solve_in_steps(task, like, winding, len(best.actions) - 1, neighbours=()) if shorter else None
+    best: StepSolution | None = None
+    with lost_calls(), suppress(SolverLost):
+        count, found = max(len(like.controls), 1), None
+        for stride in strides:
+            count = min(count + stride, task.max_steps)
+            found = solve_in_steps(task, like, winding, count, neighbours=())
+            if found is not None:
+                break
+        while found is not None:
+            best = found
+            shorter = best.tolerance_used <= MAX_TOLERANCE_USED and len(best.actions) > 1
+            found = solve_in_steps(task, like, winding, len(best.actions) - 1, neighbours=()) if shorter else None
     return best

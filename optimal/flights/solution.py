@@ -73,7 +73,8 @@ class Solution:
         solve_time: wall time of method and certificate, without the proof of the lower bound [s].
         starts: number of starts, over all windings.
         agreed: number of starts that ended within 1e-4 of the best time.
-        reason: without a flight time, the obstacle; else empty.
+        reason: without a flight time, the obstacle; in any case the number of the solver's calls that did not return;
+            else empty.
     """
 
     scenario: Scenario

@@ -1,6 +1,7 @@
 """Batches: answers independent of the workers and in order; robust to errors, kills, full disks and damaged files."""
 
 import errno
+import functools
 import json
 import signal
 import subprocess
@@ -15,7 +16,8 @@ import pytest
 import optimal
 from experiments.measurements.sections import uniform_goal
 from flatgym import SCENARIOS, Scenario
-from optimal import Status, fewest_steps_many, solve_many, store
+from optimal import Status, batch, fewest_steps_many, solve_many, store
+from optimal.direct import program as shooting_program
 from optimal.store import decoded, encoded, stored_answers
 
 GOALS = [uniform_goal(np.random.default_rng((7, i)), i) for i in range(6)]
@@ -161,6 +163,49 @@ def test_a_full_disk_is_reported_and_finished_answers_stay(tmp_path, monkeypatch
     reported = []
     solve_many(GOALS[:4], jobs=1, store=tmp_path, windings=(0,), progress=lambda *counts: reported.append(counts))
     assert reported == [(1, 2), (2, 2)]
+
+
+STUCK_X = 3.0037
+"""The x of the goal whose solver calls do not return [m]."""
+
+
+def program_that_may_be_stuck(shape, warm):
+    """Build the solver of a shape, which does not return for the goal at STUCK_X."""
+    solver = shooting_program.program(shape, warm)
+
+    def run(**values):
+        while values["p"][1] == STUCK_X:
+            pass
+        return solver(**values)
+
+    run.stats = solver.stats
+    return run
+
+
+def with_stuck_calls(ask):
+    """Return a solver, for any process, some of whose calls do not return."""
+
+    @functools.wraps(ask)
+    def asked(problem, **options):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("optimal.direct.shooting.program", program_that_may_be_stuck)
+            patch.setattr("optimal.direct.solver_process.LIMIT", 1.5)
+            return ask(problem, **options)
+
+    return asked
+
+
+@pytest.mark.parametrize(("many", "options", "lost"), [(solve_many, {"starts": 1}, 2), (fewest_steps_many, {}, 3)])
+def test_a_batch_names_the_one_in_a_hundred_whose_calls_do_not_return(many, options, lost, monkeypatch):
+    name = many.__name__.removesuffix("_many")
+    goals = [replace(SCENARIOS["horizontal-3"], goal=(x / 10000, 0)) for x in range(30000, 30100)]
+    assert goals[37].goal[0] == STUCK_X
+    monkeypatch.setattr(batch, name, with_stuck_calls(getattr(batch, name)))
+    answers = many(goals, jobs=2, windings=(0,), **options)
+    left = [answer for answer in answers if answer.status not in (Status.LOCALLY_OPTIMAL, Status.BEST_KNOWN)]
+    assert [(answer.scenario, answer.status) for answer in left] == [(goals[37], Status.NOT_CONVERGED)]
+    assert left[0].reason == f"{lost} of the solver's calls did not return within 1.5 s."
+    assert {answer.reason for answer in answers} == {"", left[0].reason}
 
 
 SCRIPT = """

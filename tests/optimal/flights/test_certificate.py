@@ -12,6 +12,7 @@ from optimal.flat.limits import constraint_violation
 from optimal.flat.splines import SplineSpace
 from optimal.flat.trajectory import FlatTrajectory
 from optimal.flights.certificate import Certificate, certify, control_range
+from optimal.flights.replay import converged_replay, hoop_crossings
 from optimal.flights.trajectory import Trajectory
 from optimal.indirect.pontryagin import pontryagin
 from optimal.paths.curves import PolynomialPath, Resting, smoothstep
@@ -84,6 +85,20 @@ def test_hoops_missed_or_passed_backwards_are_detected():
     twice = replace(hoop, hoops=(Hoop(2.5, 2.5, 3.0), Hoop(1.0, 1.0, 3.0)))
     assert certify(flight, twice).hoop_clearance == -math.inf
     assert not certify(flight, narrow).holds()
+
+
+def test_a_crossing_between_two_arcs_of_the_replay_is_found(generator):
+    # By rounding, one arc may end before the line of the hoop, and the next one begin on it.
+    flight = solve_winding(SCENARIOS["diagonal"]).trajectory
+    _, states, arcs = converged_replay(flight, SCENARIOS["diagonal"])
+    ends = np.append(0.0, np.cumsum(arcs.dt))
+    for k in range(5, len(arcs) - 5):
+        ahead = math.atan2(states[k, 3], states[k, 2])
+        for angle in ahead + generator.uniform(-0.5, 0.5, size=4):
+            hoop = Hoop(*states[k, :2].tolist(), 0.1, angle)
+            ((time, clearance),) = hoop_crossings(arcs, replace(SCENARIOS["hoop"], hoops=(hoop,)))
+            assert time == pytest.approx(ends[k], abs=1e-9)
+            assert clearance == pytest.approx(0.05, abs=1e-9)
 
 
 def test_a_body_that_touches_a_rim_is_detected():
