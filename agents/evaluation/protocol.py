@@ -41,7 +41,9 @@ def seed_warning(
 ) -> str:
     """Return in a sentence that a training may have met the scored episodes, "" if not.
 
-    Vehicle i of a training with seed s begins with the episode of seed s + i. A zip holds s and the number of vehicles.
+    Vehicle i of a training with seed s begins with the episode of seed s + i in vector environments of Gymnasium and
+    Stable-Baselines3; `agents.make_vec_env` keeps away from scored seeds. A zip holds s and the number of vehicles, and
+    not which environments they were.
 
     Args:
         policy: the policy; a model of Stable-Baselines3 knows its seed.
@@ -53,8 +55,8 @@ def seed_warning(
     own, vehicles = getattr(model, "seed", None), getattr(model, "n_envs", 1)
     if isinstance(own, int) and isinstance(vehicles, int) and own < seed + episodes and seed < own + vehicles:
         return (
-            f"the policy was trained with seed {own} on {vehicles} vehicles, so its training met episodes of this "
-            f"score; choose --seed {max(own + vehicles, EVALUATION_SEED)}"
+            f"the policy was trained with seed {own} on {vehicles} vehicles, so its training may have met "
+            f"episodes of this score; choose --seed {max(own + vehicles, EVALUATION_SEED)}"
         )
     if seed < EVALUATION_SEED:
         return (

@@ -50,7 +50,7 @@ def flown(policy, seed=7):
 def in_training(model, envs, seed=7):
     """Return the actions of the first steps under the wrappers of the training."""
     envs.training = False
-    envs.venv.seed(seed)
+    envs.venv.seed_exactly(seed)
     seen, found = envs.reset(), []
     for _ in range(5):
         found.append(model.predict(seen, deterministic=True)[0])
@@ -84,7 +84,7 @@ def test_statistics_belong_to_a_frame_or_to_the_stack(tmp_path, wrap, size):
     with pytest.warns(PolicyWarning, match="are normalised with"):
         policy = load_policy(str(tmp_path / "stack.zip"), trust=True)
     inner.training = False
-    envs.unwrapped.seed(7)
+    envs.unwrapped.seed_exactly(7)
     seen, expected = envs.reset(), []
     for _ in range(5):
         expected.append(model.predict(seen, deterministic=True)[0])
@@ -206,6 +206,8 @@ def test_a_function_is_normalised_too(tmp_path, monkeypatch, observation):
     monkeypatch.chdir(tmp_path)
     policy = load_policy("my_flatquad_function:act", True, normalize="statistics.pkl")
     envs.training = False
-    seen = make_vec_env("random-goal", 3, observation=observation, seed=7).reset()
+    plain = make_vec_env("random-goal", 3, observation=observation)
+    plain.seed_exactly(7)
+    seen = plain.reset()
     first = [one[0] for one in fly(policy, "random-goal", 3, 7).actions]
     np.testing.assert_allclose(first, np.clip(envs.normalize_obs(seen)[:, 2:4] / 10, -1, 1), atol=1e-6)
