@@ -11,17 +11,18 @@ from typing import Any
 
 from experiments.files import Row
 from experiments.scoring import claim as claims
+from experiments.scoring.proofs import verify_proof
 from experiments.scoring.score import fly_submission
 from experiments.scoring.submission import Submission
 from experiments.scoring.verification import Verdict, Verification, check_actions, check_fingerprint, verify
 
-SHOWN = ("scenario", "agent", "episodes", "success_rate", *("success_low", "success_high"), "steps", "k_star", "proven",
-         "gap", "gap_low", "gap_high", "outcomes", "disturbances")  # fmt: skip
+SHOWN = ("scenario", "agent", "seed", "episodes", "success_rate", "success_low", "success_high", "steps", "k_star",
+         "proven", "gap", "gap_low", "gap_high", "outcomes", "disturbances")  # fmt: skip
 """Columns of the score in the answer."""
 
 
 def verify_file(path: Path, store: Path | None, policy: str = "", trust: bool = False, timeout: float = 300.0) -> Row:
-    """Return the answer for a file as a row: file, verdict, reason, and the recomputed score or what is proven.
+    """Return the answer for a file as a row: file, verdict, reason, and the recomputed score, or what is proven.
 
     Args:
         path: the file.
@@ -39,6 +40,8 @@ def verify_file(path: Path, store: Path | None, policy: str = "", trust: bool = 
         content: Any = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         return _row(path, Verification(Verdict.REFUSED, f"Refused: it is damaged or cut short ({error})."))
+    if isinstance(content, dict) and "proof" in content:
+        return verify_proof(path)
     if not isinstance(content, dict):
         return _row(path, Verification(Verdict.REFUSED, "Refused: it is neither a score file nor a proof."))
     found = verify(content, store)

@@ -23,6 +23,7 @@ COMMANDS = (
     "demos",
     "train",
     "evaluate",
+    "verify",
     "benchmark",
     "report",
     "play",

@@ -10,10 +10,12 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+import optimal
 from agents.controllers.cascaded_pd import CascadedPD
 from agents.evaluation.scores import evaluate
 from agents.policies.archive import PRETRAINED
 from experiments.scoring import claim, score_file, verification
+from experiments.scoring.proofs import content_of, verify_proof
 from experiments.scoring.score import record, score
 from experiments.scoring.score_file import checksum, decode, encode
 from experiments.scoring.submission import Submission
@@ -22,6 +24,7 @@ from experiments.scoring.verify_file import verify_file
 from flatgym import SCENARIOS, Disturbances, Quadrotor
 from flatgym.scenarios.files import from_dict
 from flatgym.scenarios.reference import EVALUATION_SEED, ghost_states, k_star_digest, reference
+from optimal.discrete.step_bound import prove_steps
 from tests.experiments.cli.shell import flatquad
 
 EPISODES = 5
@@ -255,6 +258,21 @@ def test_fewer_steps_than_k_star_are_verified_and_told(hoop, monkeypatch):
     assert "fewer steps than K*" in found.reason
 
 
+def test_k_star_of_an_own_scenario_is_computed_where_it_is_claimed(folder):
+    own = replace(SCENARIOS["horizontal-3"], name="own", goal=(3.5, 0.0)).to_json()
+    known = json.loads(written(folder, "own", scenario=own, agent="pd", episodes=1).read_text())
+    (flight,) = known["flights"]
+    assert (known["table"], flight["outcome"]) == (None, "goal")
+    assert reference("horizontal-3").k_star < flight["k_star"] < flight["steps"]
+    assert verify(known, folder).verdict is Verdict.VERIFIED
+    found = verify(changed(known, "flights", 0, "k_star", flight["k_star"] + 2), folder)
+    assert f"K* of flight 0 (seed {EVALUATION_SEED}) is {flight['k_star']:g} here, and " in found.reason
+    unknown = dict.fromkeys(("k_star", "gap", "gap_low", "gap_high"))
+    parts = {"flights": [flight | {"k_star": None, "gap": None}], "score": known["score"] | unknown | {"proven": False}}
+    found = verify(signed(known | parts), folder)
+    assert (found.verdict, found.score["k_star"], found.score["gap"]) == (Verdict.VERIFIED, None, None), found.reason
+
+
 def test_actions_keep_every_bit():
     actions = np.random.default_rng(0).uniform(-1, 1, (1000, 2)).astype(np.float32)
     assert np.array_equal(decode(encode(actions)), actions)
@@ -302,3 +320,48 @@ def test_the_exit_status_tells_the_verdict(monkeypatch, capsys, goals, tmp_path,
     status, _, err = command(monkeypatch, capsys, tmp_path / "none.json")
     assert status == 1
     assert "none.json" in err
+
+
+@pytest.fixture(scope="module")
+def proof():
+    return optimal.prove("hoop", max_gap=0.01)
+
+
+def test_a_proof_is_verified_by_the_second_checker(monkeypatch, capsys, proof, tmp_path):
+    path = proof.save(tmp_path / "proof.json")
+    status, row, _ = command(monkeypatch, capsys, path)
+    assert (status, row["verdict"], row["checker"]) == (0, "verified", "second checker")
+    assert (row["scenario"], row["content"], row["steps"]) == ("hoop", "as in this version", None)
+    assert row["time_s"] == proof.time
+    assert row["reason"] == f"Verified: no flight takes less than {proof.time:.6g} s."
+
+
+def test_a_false_proof_and_a_damaged_one_are_refused(monkeypatch, capsys, proof, tmp_path):
+    path = replace(proof, time=proof.flown * 1.01).save(tmp_path / "proof.json")
+    status, row, _ = command(monkeypatch, capsys, path)
+    assert (status, row["reason"]) == (2, "Refused: the second checker does not confirm it.")
+    path.write_text('{"schema": 2, "proof": {}}')
+    status, row, _ = command(monkeypatch, capsys, path)
+    assert status == 2
+    assert row["reason"].startswith("Refused: it is not a proof")
+    path.write_text(proof.save(path).read_text()[:-9])
+    assert command(monkeypatch, capsys, path)[0] == 2
+
+
+def test_a_proof_too_large_for_the_second_checker_names_the_other_one(proof, tmp_path, monkeypatch):
+    monkeypatch.setattr(import_module("optimal.proof.independent.checker"), "MOST_WORK", 0.0)
+    row = verify_proof(proof.save(tmp_path / "proof.json"))
+    assert (row["verdict"], row["checker"]) == ("verified", "prover's own check")
+    assert row["reason"].endswith(
+        "The second checker did not decide it: its windows are too wide, or its grids too fine."
+    )
+
+
+def test_a_proof_of_steps_is_of_the_relaxed_scenario(tmp_path):
+    scenario = SCENARIOS["horizontal-3"]
+    shot = import_module("optimal.direct.multistart").search(scenario).shots[0]
+    row = verify_proof(prove_steps(scenario, shot, 44).save(tmp_path / "proof.json"))
+    assert (row["verdict"], row["steps"]) == ("verified", 43)
+    assert row["content"] == "as in this version, relaxed by rounding"
+    assert row["reason"] == "Verified: no flight takes 43 steps or fewer."
+    assert content_of(replace(scenario, dt=0.01)) == content_of(replace(scenario, name="mine")) == "its own"
