@@ -99,6 +99,10 @@ def read(content: Mapping[str, Any]) -> Claim:
         raise Refused(f"its score is of {score.get('episodes')!r} episodes, and it holds {count} flights")
     if policy.get("fingerprint") is not None and not is_fingerprint(policy["fingerprint"]):
         raise Refused(f"the fingerprint of its policy is not {LENGTH} hexadecimal digits: {policy['fingerprint']!r}")
+    if score.get("fingerprint") != policy.get("fingerprint"):
+        raise Refused(
+            f"its score is of the policy {score.get('fingerprint')}, and it names {policy.get('fingerprint')}"
+        )
     found = tuple(_flight(row, f"flight {i} (seed {seed + i})", problem) for i, row in enumerate(content["flights"]))
     versions = content["provenance"].get("versions")
     version = str(versions.get("flatgym", "unknown")) if isinstance(versions, dict) else "unknown"

@@ -191,7 +191,7 @@ def record(submission: Submission, scored: Scored, path: Path, command: str) -> 
         path: the file.
         command: the command line, for the record.
     """
-    policy = {"name": submission.name, "fingerprint": fingerprint(submission.source)}
+    policy = {"name": submission.name, "fingerprint": fingerprint_of(submission)}
     problem = catalogue.problem(submission.problem)
     row, flights = scored.row | {"command": command}, score_file.flights(scored.rows, scored.flown.actions)
     score_file.write(path, problem, submission.disturbances, policy, row, flights, provenance(command))

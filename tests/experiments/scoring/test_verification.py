@@ -144,6 +144,7 @@ TAMPERED = {
     "kwargs": (("keywords", "wind", 1.0), r"its keywords \{'wind': 1.0\} are not the disturbances of its score"),
     "K*": (("flights", 1, "k_star", lambda k_star: k_star + 3), r"K\* of flight 1 .* is \d+ here, and \d+"),
     # neighbours
+    "another policy": (("policy", "fingerprint", "0" * 64), r"its score is of the policy \w+, and it names 0+"),
     "gap": (("flights", 3, "gap", 0.0), r"the gap of flight 3 .* is 0\.\d+, and 0.0 is claimed"),
     "score": (("score", "success_rate", 0.9), r"the success_rate of its flights is 1.0, and 0.9 is claimed"),
     "interval": (("score", "gap_high", 0.0), r"the gap_high of its flights is 0\.\d+, and 0.0 is claimed"),
