@@ -6,7 +6,7 @@
      "provenance": command, date, versions, machine, "checksum": SHA-256 of all else}
 
 Flight i has the seed score.seed + i. Its actions are the little-endian float32 numbers thrust, rate, thrust, ... in
-base64, exact and half the size of decimals: 1,000 flights to random goals take 0.8 MB.
+base64, exact and half the size of decimals: 1,000 flights to random goals take 0.9 MB.
 
 The checksum finds damage. Whoever forges a file can write a new checksum too; what proves a score is the replay
 (`experiments.scoring.verification`).
