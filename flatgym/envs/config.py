@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import astuple, dataclass, field
 from typing import Any
 
@@ -128,7 +129,8 @@ class EnvConfig:
         near = self.problem.tolerance
         if not self.margin:
             return near
-        return Tolerance(*(max(value + self.margin, value / 2) for value in astuple(near)))
+        position, speed, angle = (max(value + self.margin, value / 2) for value in astuple(near))
+        return Tolerance(position, speed, min(angle, math.pi))
 
     @property
     def dt(self) -> float:

@@ -107,3 +107,8 @@ def test_a_negative_margin_leaves_half_of_a_tolerance():
     tight = changed(SCENARIOS["hoop"], tolerance=changed(SCENARIOS["hoop"].tolerance, speed=1e-10))
     assert EnvConfig(tight, margin=-1e-9).tolerance.speed == 0.5e-10
     assert EnvConfig(tight).tolerance is tight.tolerance
+
+
+def test_a_margin_leaves_an_angle_within_half_a_turn():
+    any_tilt = changed(SCENARIOS["hoop"], tolerance=changed(SCENARIOS["hoop"].tolerance, angle=np.pi))
+    assert EnvConfig(any_tilt, margin=1e-9).tolerance.angle == np.pi

@@ -38,10 +38,10 @@ def folder(tmp_path_factory):
 
 
 def written(folder, name, **fields):
-    """Write a score file and return its path."""
+    """Write a score file and return its path; K* that has to be computed is kept in the folder."""
     path = folder / f"{name}.json"
     submission = Submission(**fields)
-    record(submission, score(submission, None, 60.0, check=False), path, "flatquad evaluate")
+    record(submission, score(submission, folder, 60.0, check=False), path, "flatquad evaluate")
     return path
 
 
