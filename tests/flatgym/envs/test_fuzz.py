@@ -61,7 +61,7 @@ def scenarios(draw):
     floor, ceiling = draw(st.sampled_from([None, low, low - 1.0])), draw(st.sampled_from([None, high + 1e-3, high + 3]))
     places = st.tuples(st.one_of(st.just(x), upto(MOST), st.floats(x - 2, x + 2)), st.floats(low, high))
     gaps = upto(MOST, 1e-6).map(lambda gap: min(gap + 2.001 * vehicle.radius, MOST))
-    hoops = draw(st.lists(st.tuples(places, gaps, upto(MOST)), max_size=8))
+    hoops = draw(st.lists(st.tuples(places, gaps, st.floats(-2 * math.pi, 2 * math.pi)), max_size=8))
     dt = min(2 * math.pi / vehicle.rate_max * draw(st.one_of(st.floats(1e-9, 0.999), st.just(0.5))), 2e4)
     return Scenario(
         "any",
@@ -71,7 +71,7 @@ def scenarios(draw):
         floor=floor,
         ceiling=ceiling,
         quadrotor=vehicle,
-        tolerance=Tolerance(draw(st.floats(1e-9, 0.99)), draw(upto(MOST, 1e-9)), draw(upto(MOST, 1e-9))),
+        tolerance=Tolerance(draw(st.floats(1e-9, 0.99)), draw(upto(MOST, 1e-9)), draw(upto(math.pi, 1e-9))),
         dt=dt,
         time_limit=dt * draw(st.integers(1, 30)),
     )
@@ -186,7 +186,7 @@ def ordinary(generator):
             9.81,
             generator.choice([0.0, 0.1]),
         ),
-        tolerance=Tolerance(*generator.uniform([0.05, 0.1, 0.1], [0.5, 8, 3.2])),
+        tolerance=Tolerance(*generator.uniform([0.05, 0.1, 0.1], [0.5, 8, 3.1])),
         dt=generator.uniform(0.005, 0.25),
         time_limit=generator.uniform(0.3, 2),
     )
