@@ -5,7 +5,9 @@ The error names the owner, the field, the value and what is allowed.
 
 from __future__ import annotations
 
+import difflib
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -47,6 +49,23 @@ def whole(name: str, value: Any, low: int, high: int) -> int:
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not low <= value <= high:
         raise ValueError(f"{name} must be a whole number in {low}..{high}, got {value!r}")
     return int(value)
+
+
+def choice(what: str, value: Any, known: Iterable[str]) -> str:
+    """Return a value that is one of the known names; the error lists them and suggests the nearest.
+
+    Args:
+        what: what the value names, such as "scenario".
+        value: the value.
+        known: the possible values.
+    """
+    names = list(known)
+    if isinstance(value, str) and value in names:
+        return value
+    alike = {name.lower(): name for name in reversed(names)}
+    near = difflib.get_close_matches(str(value).lower(), alike, n=1)
+    hint = f"; did you mean {alike[near[0]]!r}?" if near else ""
+    raise ValueError(f"unknown {what} {value!r}; known: {', '.join(names) or 'none'}{hint}")
 
 
 def numbers(name: str, value: Any) -> NDArray[Any]:

@@ -8,7 +8,6 @@ Solution     the answer, packed once
 
 from __future__ import annotations
 
-import difflib
 import math
 import time
 from collections.abc import Sequence
@@ -17,6 +16,7 @@ from typing import Any
 
 from flatgym.scenarios.catalogue import ScenarioLike, scenario
 from flatgym.scenarios.scenario import Scenario
+from flatgym.validation import choice
 from optimal.direct.clearance import tighten
 from optimal.direct.feasibility import beyond_horizon, infeasibility_proof, infeasibility_suspect
 from optimal.direct.multistart import AGREEMENT, STARTS, search
@@ -112,7 +112,7 @@ def solve(
             windings or starts, or a gap or budget that is not positive.
     """
     task = scenario(problem)
-    _require_known(method)
+    choice("method", method, METHODS)
     given = {
         "windings": tuple(windings), "starts": starts, "seed": seed, "nodes": nodes, "checks": checks,
         "intervals": intervals,
@@ -164,13 +164,6 @@ def solve(
     if raise_on_failure and not math.isfinite(duration):
         raise SolveFailed(task, solution)
     return solution
-
-
-def _require_known(method: str) -> None:
-    if method not in METHODS:
-        near = difflib.get_close_matches(str(method), METHODS, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}{hint}")
 
 
 def _require_options(method: str, given: dict[str, Any]) -> None:

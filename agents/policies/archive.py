@@ -23,6 +23,7 @@ from agents.policies.spaces import check_actions, layout
 from flatgym import __version__
 from flatgym.files import write_whole
 from flatgym.task.observation import observation_names
+from flatgym.validation import choice
 
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
 """Folder of the policies that come with the package."""
@@ -106,11 +107,7 @@ def admit(path: str | Path, trust: bool = False) -> None:
 
 def pretrained(name: str) -> BaseAlgorithm:
     """Return a policy that comes with the package; a ValueError for an unknown name, listing the known ones."""
-    path = PRETRAINED / f"{name}.zip"
-    known = names()
-    if name not in known:
-        raise ValueError(f"unknown pretrained policy {name!r}; known: {', '.join(known) or 'none'}")
-    return load(path)
+    return load(PRETRAINED / f"{choice('pretrained policy', name, names())}.zip")
 
 
 def names() -> tuple[str, ...]:

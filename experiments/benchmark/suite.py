@@ -16,6 +16,7 @@ from flatgym import DISTRIBUTIONS, SCENARIOS, Distribution
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.catalogue import SAMPLE
 from flatgym.scenarios.files import SUFFIXES
+from flatgym.validation import choice
 
 AGENTS = (*LEARNERS, *EXPERTS)
 PREREQUISITES = {"bc-ppo": "bc"}
@@ -83,8 +84,8 @@ class Suite:
             for seed in range(self.seeds if agent in LEARNERS else 1)
         ]
         known = {name for cell in cells for name in (cell.label, cell.name)}
-        if unknown := sorted(set(only) - known):
-            raise ValueError(f"unknown cells {', '.join(unknown)}; known: {', '.join(sorted(known))}")
+        for name in only:
+            choice("cell", name, sorted(known))
         selected = set(only)
         for cell in cells:
             if cell.name in selected and cell.agent in PREREQUISITES:

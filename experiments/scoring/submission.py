@@ -21,6 +21,7 @@ from experiments.recipes.margins import robust_flight
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.disturbances import Disturbances
 from flatgym.scenarios.reference import EVALUATION_SEED
+from flatgym.validation import choice
 
 CONTROLLERS = {
     "expert": "agents.controllers.tracking:Expert",
@@ -67,8 +68,8 @@ class Submission:
                 "name one policy to score: a zip, a TorchScript or ONNX file, module:object, --pretrained NAME, or "
                 f"--agent {' or '.join(CONTROLLERS)}"
             )
-        if self.agent and self.agent not in CONTROLLERS:
-            raise ValueError(f"unknown agent {self.agent!r}; known: {', '.join(CONTROLLERS)}")
+        if self.agent:
+            choice("agent", self.agent, CONTROLLERS)
         if self.policy:
             check_policy_name(self.policy)
         elif self.normalize or self.algorithm:

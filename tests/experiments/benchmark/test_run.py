@@ -52,7 +52,7 @@ def study(tmp_path_factory):
 
 def test_an_unknown_cell_ends_the_command(capsys, tmp_path):
     assert flatquad_study(tmp_path, "--only", "hop/ppo") == 2
-    assert "unknown cells hop/ppo" in capsys.readouterr().err
+    assert "unknown cell 'hop/ppo'" in capsys.readouterr().err
 
 
 def test_every_cell_states_its_episodes(study):

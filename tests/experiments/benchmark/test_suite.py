@@ -38,7 +38,7 @@ def test_prerequisites_are_selected_with_their_agent():
 
 
 def test_unknown_cells_are_named():
-    with pytest.raises(ValueError, match=r"unknown cells hop/ppo; known: hoop, hoop/bc, hoop/bc-ppo"):
+    with pytest.raises(ValueError, match=r"unknown cell 'hop/ppo'; known: hoop, hoop/bc, .*; did you mean 'hoop/ppo'"):
         SUITES["study"].cells(["hop/ppo"])
 
 
