@@ -1,7 +1,7 @@
 """Demonstrations: optimal flights, planned, recorded as Minari datasets, replayed and exported."""
 
 from agents.demonstrations.plans import displaced, flights_folder, plan
-from agents.demonstrations.recording import Demonstration, record
+from agents.demonstrations.recording import Demonstration, next_seed, record, stored_dataset
 from agents.demonstrations.storage import dataset_id
 from agents.demonstrations.tables import export
 from agents.demonstrations.verification import Replay, check, replay
@@ -14,7 +14,9 @@ __all__ = [
     "displaced",
     "export",
     "flights_folder",
+    "next_seed",
     "plan",
     "record",
     "replay",
+    "stored_dataset",
 ]

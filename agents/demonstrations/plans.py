@@ -24,10 +24,11 @@ from agents.demonstrations.storage import staging_folder
 from flatgym import __version__
 from flatgym.scenarios.catalogue import Problem, ProblemLike
 from flatgym.scenarios.catalogue import problem as problem_named
-from flatgym.scenarios.scenario import Scenario
+from flatgym.scenarios.scenario import BOUNDS_MARGIN, Scenario
+from flatgym.task.rollout import replay_to_goal
 from flatgym.validation import nonnegative, whole
 from optimal.batch import fewest_steps_many
-from optimal.discrete.fewest_steps import TIME_BUDGET
+from optimal.discrete.fewest_steps import TIME_BUDGET, FewestSteps
 from optimal.flights.solution import SolveFailed
 
 START_SPREAD = 0.5
@@ -51,6 +52,7 @@ def plan(
     seed: int = 0,
     *,
     spread: float | None = None,
+    own_start: bool = True,
     perturbed: int = 0,
     time_budget: float = 0.0,
     jobs: int = -1,
@@ -67,8 +69,10 @@ def plan(
         problem: a scenario or a distribution.
         episodes: flights from rest.
         seed: seed of starts and perturbations.
-        spread: largest distance of a displaced start from the scenario's own [m]. The default is START_SPREAD for a
-            scenario, whose first flight begins at its own start, and 0 for a distribution.
+        spread: largest distance of a displaced start from the scenario's own [m], at most BOUNDS_MARGIN. The default
+            is START_SPREAD for a scenario and 0 for a distribution.
+        own_start: whether the first flight of a scenario begins at its own start; not when a dataset is extended that
+            holds this flight.
         perturbed: perturbed and replanned copies of each flight.
         time_budget: time for each proof that fewer steps are impossible [s]; at least TIME_BUDGET for the flight from
             a scenario's own start.
@@ -84,11 +88,11 @@ def plan(
     whole("episodes", episodes, 1, MAX_EPISODES)
     whole("perturbed", perturbed, 0, MAX_EPISODES)
     whole("seed", seed, 0, MAX_SEED - (ATTEMPTS + 1) * episodes)
-    spread = _checked_spread(target, episodes, spread)
+    spread = _checked_spread(target, episodes - own_start, spread)
     workers: dict[str, Any] = {"jobs": jobs, "backend": backend, "store": store}
     wanted = episodes * (1 + perturbed)
     flights = _flights_from_rest(
-        target, episodes, seed, spread, time_budget, workers, progress=lambda done, _: progress(done, wanted)
+        target, episodes, seed, spread, own_start, time_budget, workers, progress=lambda done, _: progress(done, wanted)
     )
     if perturbed:
         flights += perturb(
@@ -97,13 +101,18 @@ def plan(
     return flights
 
 
-def _checked_spread(target: Problem, episodes: int, spread: float | None) -> float:
+def _checked_spread(target: Problem, displaced_starts: int, spread: float | None) -> float:
     fixed = isinstance(target, Scenario)
     if spread is None:
         return START_SPREAD if fixed else 0.0
     spread = nonnegative("plan", "spread", spread)
-    if fixed and episodes > 1 and not spread:
-        raise ValueError(f"with spread=0 all {episodes} flights of {target.name!r} are equal; use episodes=1")
+    if fixed and displaced_starts and not spread:
+        raise ValueError(f"with spread=0 all flights of {target.name!r} are equal; use one flight, or a larger spread")
+    if spread > BOUNDS_MARGIN:
+        raise ValueError(
+            f"spread must be at most {BOUNDS_MARGIN:g} m, got {spread:g}: starts further away can be out of the bounds "
+            f"of {target.name!r}, where an episode ends"
+        )
     return spread
 
 
@@ -112,13 +121,14 @@ def _flights_from_rest(
     episodes: int,
     seed: int,
     spread: float,
+    own_start: bool,
     time_budget: float,
     workers: dict[str, Any],
     progress: Progress,
 ) -> list[Demonstration]:
     """Return `episodes` flights from rest, in the order in which their starts are sampled."""
     flights: list[Demonstration] = []
-    if isinstance(target, Scenario):
+    if isinstance(target, Scenario) and own_start:
         flights.append(_own_flight(target, seed, time_budget, workers))
         progress(1, episodes)
     sampled = len(flights)
@@ -138,13 +148,21 @@ def _flights_from_rest(
         flights += [
             Demonstration(scenario, answer, seed + i)
             for i, scenario, answer in zip(numbers, scenarios, answers, strict=True)
-            if len(answer.actions)
+            if _flies(scenario, answer)
         ]
         progress(len(flights), episodes)
         sampled = numbers.stop
         if sampled > ATTEMPTS * episodes:
             raise SolveFailed(starts[-1], answers[-1])
     return flights
+
+
+def _flies(scenario: Scenario, flight: FewestSteps) -> bool:
+    """Return whether a flight from a displaced start reaches the goal within the scenario's own bounds and time."""
+    if not len(flight.actions):
+        return False
+    flown = replay_to_goal(scenario, flight.actions, flight.states[0])
+    return flown is not None and len(flown) == len(flight.actions) + 1
 
 
 def _own_flight(target: Scenario, seed: int, time_budget: float, workers: dict[str, Any]) -> Demonstration:

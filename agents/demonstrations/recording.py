@@ -7,14 +7,16 @@ K-th step. Each episode stores how to reset the environment for a replay:
     env.reset(seed=seed, options=options)
 
 An episode also holds the states, in `infos["state"]`, and as metadata k_star, lower_bound, proven, tolerance_used,
-winding and the scenario.
+winding and the scenario. An existing dataset is replaced or extended only if that is asked for.
 """
 
 from __future__ import annotations
 
+import shutil
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -23,17 +25,21 @@ import numpy as np
 from minari.data_collector import EpisodeBuffer
 from minari.dataset.minari_storage import MinariStorage
 
-from agents.demonstrations.storage import atomic_dataset, dataset_id
-from flatgym import __version__, observation_names
-from flatgym.scenarios.catalogue import Problem, ProblemLike, text
+from agents.demonstrations.metadata import ENVIRONMENT, Facts, dataset_metadata, episode_facts
+from agents.demonstrations.storage import atomic_dataset, dataset_id, dataset_path
+from agents.demonstrations.verification import check
+from flatgym.scenarios.catalogue import ProblemLike, text
 from flatgym.scenarios.catalogue import problem as problem_named
 from flatgym.scenarios.distributions import Distribution
 from flatgym.scenarios.reference import EVALUATION_SEED
 from flatgym.scenarios.scenario import Scenario
+from flatgym.validation import choice
 from optimal.discrete.fewest_steps import FewestSteps
 
-ENVIRONMENT = "FlatQuad-v0"
-"""The environment of demonstrations."""
+IF_EXISTS = ("fail", "replace", "append")
+"""What `record` may do with an existing dataset."""
+SET_ONCE = ("dataset_id", "minari_version")
+"""Fields that Minari does not change once they are set."""
 BATCH = 100
 """Episodes per write."""
 
@@ -75,42 +81,113 @@ class Demonstration:
         return {"state": state, "hoops_passed": self.hoops_passed}
 
 
+def stored_dataset(
+    problem: ProblemLike, name: str | None = None, if_exists: str = "fail"
+) -> minari.MinariDataset | None:
+    """Return the dataset that `record` extends under these arguments, or None if it writes a new one.
+
+    Raises:
+        ValueError: for an existing dataset if `if_exists` is "fail", or one that is damaged or of another problem if it
+            is "append".
+    """
+    identity = dataset_id(problem, name)
+    choice("if_exists", if_exists, IF_EXISTS)
+    if if_exists == "replace" or not (dataset_path(identity) / "data").exists():
+        return None
+    try:
+        dataset = minari.load_dataset(identity)
+        _facts_of(dataset.storage)
+    except Exception as error:  # Minari and h5py raise many kinds for a damaged dataset
+        raise ValueError(
+            f"dataset {identity!r} exists and cannot be read ({error}); restore it, replace it (--overwrite, "
+            'if_exists="replace"), or choose another name (--out, name=)'
+        ) from error
+    if if_exists == "fail":
+        raise ValueError(
+            f"dataset {identity!r} exists, with {dataset.total_episodes} episodes: extend it (--append, "
+            'if_exists="append"), replace it (--overwrite, if_exists="replace"), or choose another name (--out, name=)'
+        )
+    check(dataset, problem)
+    return dataset
+
+
+def next_seed(dataset: minari.MinariDataset) -> int:
+    """Return the first seed above those of all episodes of a dataset."""
+    return 1 + max(known["seed"] for known in _facts_of(dataset.storage))
+
+
 def record(
     problem: ProblemLike,
     demonstrations: Sequence[Demonstration],
     name: str | None = None,
     *,
+    if_exists: str = "fail",
     progress: Progress = no_progress,
 ) -> minari.MinariDataset:
-    """Replay demonstrations in the environment and store them; an older dataset of the name is replaced.
+    """Replay demonstrations in the environment and store them as a dataset.
 
     Args:
         problem: the scenario of the environment, or the distribution of all demonstrations.
         demonstrations: flights of this problem.
         name: Minari's dataset id; by default `dataset_id(problem)`.
+        if_exists: what to do if there is a dataset of this name: "fail", "replace", or "append" to it.
         progress: called with the number recorded and the total.
 
     Raises:
-        ValueError: for no demonstrations.
+        ValueError: for no demonstrations, an existing dataset if `if_exists` is "fail", or one that is of another
+            problem or holds one of the episodes if it is "append".
         RuntimeError: if a flight does not end in the outcome "goal" at its K-th step.
         OSError: if the dataset cannot be written. After any error an older dataset is unchanged.
     """
     target, identity = problem_named(problem), dataset_id(problem, name)
     if not demonstrations:
         raise ValueError(f"no demonstrations of {target.name!r} to record")
+    before = stored_dataset(problem, name, if_exists)
+    size = sum(map(_size, demonstrations))
+    if before is not None:
+        _check_new(before, demonstrations)
+        size += sum(file.stat().st_size for file in Path(before.storage.data_path).iterdir())
     if isinstance(target, Distribution):
         _warn_of_scored_tasks(max(demonstration.seed for demonstration in demonstrations))
     env = gym.make(ENVIRONMENT, scenario=text(target), reward="sparse")
-    with atomic_dataset(identity, sum(map(_size, demonstrations))) as folder:
-        storage = MinariStorage.new(folder, env_spec=env.spec)
+    with atomic_dataset(identity, size) as folder:
+        if before is None:
+            storage, first = MinariStorage.new(folder, env_spec=env.spec), 0
+        else:
+            shutil.copytree(before.storage.data_path, folder)
+            storage, first = MinariStorage.read(folder), int(before.total_episodes)
         for begin in range(0, len(demonstrations), BATCH):
             batch = demonstrations[begin : begin + BATCH]
             storage.update_episodes([_replay(env, demonstration) for demonstration in batch])
             progress(begin + len(batch), len(demonstrations))
-        storage.update_episode_metadata([_facts(demonstration) for demonstration in demonstrations])
-        storage.update_metadata(_metadata(identity, target, demonstrations, env))
+        storage.update_episode_metadata(
+            [episode_facts(one.flight, one.scenario.to_json()) for one in demonstrations],
+            range(first, first + len(demonstrations)),
+        )
+        fields = dataset_metadata(identity, target, _facts_of(storage), env)
+        storage.update_metadata({key: value for key, value in fields.items() if not first or key not in SET_ONCE})
     env.close()
     return minari.load_dataset(identity)
+
+
+def _facts_of(storage: MinariStorage) -> list[Facts]:
+    """Return the metadata of all episodes."""
+    return list(storage.get_episode_metadata(range(storage.total_episodes)))
+
+
+def _check_new(before: minari.MinariDataset, demonstrations: Sequence[Demonstration]) -> None:
+    """Raise a ValueError if a dataset already holds one of the episodes: one from the same state of a scenario."""
+    stored = set()
+    for known in _facts_of(before.storage):
+        scenario = Scenario.from_json(known["scenario"])
+        options = known.get("options") or {"state": scenario.start_state, "hoops_passed": 0}
+        stored.add((scenario, options["state"].tobytes(), int(options["hoops_passed"])))
+    for one in demonstrations:
+        if (one.scenario, one.flight.states[0].tobytes(), one.hoops_passed) in stored:
+            raise ValueError(
+                f"dataset {before.id!r} already holds the episode with seed {one.seed} of {one.scenario.name!r}; its "
+                f"first unused seed is {next_seed(before)}"
+            )
 
 
 def _warn_of_scored_tasks(last_seed: int) -> None:
@@ -158,48 +235,6 @@ def _replay(env: gym.Env[Any, Any], demonstration: Demonstration) -> EpisodeBuff
         truncations=np.array(truncations),
         infos={"state": np.array(states)},
     )
-
-
-def _facts(demonstration: Demonstration) -> dict[str, Any]:
-    """Return the metadata of an episode."""
-    flight = demonstration.flight
-    return {
-        "k_star": demonstration.steps,
-        "lower_bound": flight.lower_bound,
-        "proven": flight.proven,
-        "tolerance_used": flight.tolerance_used,
-        "winding": flight.winding,
-        "scenario": demonstration.scenario.to_json(),
-    }
-
-
-def _metadata(
-    identity: str, target: Problem, demonstrations: Sequence[Demonstration], env: gym.Env[Any, Any]
-) -> dict[str, Any]:
-    """Return the metadata of a dataset: Minari's fields, and those that `agents.demonstrations.check` reads.
-
-    Reference scores: the minimum is minus the time limit, of a failed episode; the maximum is minus the mean time of
-    the flights from the scenarios' own starts.
-    """
-    assert env.spec is not None
-    from_start = [one.steps for one in demonstrations if one.options is None]
-    return {
-        "dataset_id": identity,
-        "eval_env_spec": env.spec.to_json(),
-        "algorithm_name": "optimal.fewest_steps",
-        "author": {"FlatQuad"},
-        "author_email": {""},
-        "code_permalink": "",
-        "description": f"Fewest-steps flights of {target.name!r}, flatgym {__version__}; reward: minus time.",
-        "requirements": [f"flatgym=={__version__}"],
-        "minari_version": minari.__version__,
-        "ref_min_score": -target.time_limit,
-        "ref_max_score": -target.dt * float(np.mean(from_start or [one.steps for one in demonstrations])),
-        "num_episodes_average_score": len(from_start or demonstrations),
-        "flatgym_version": __version__,
-        "observation_names": list(observation_names()),
-        "problem": target.to_json(),
-    }
 
 
 def _size(demonstration: Demonstration) -> int:

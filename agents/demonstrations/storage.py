@@ -35,7 +35,7 @@ def dataset_id(problem: ProblemLike, name: str | None = None) -> str:
     """
     if name is None:
         word = re.sub(r"[^\w-]+", "-", label(problem), flags=re.ASCII)
-        return f"flatquad/{word}/optimal-v0"
+        return f"flatquad/{word}/best-known-v0"
     whole = name if re.search(r"-v\d+$", name) else f"{name}-v0"
     try:
         parse_dataset_id(whole)
@@ -44,6 +44,18 @@ def dataset_id(problem: ProblemLike, name: str | None = None) -> str:
             f"a dataset's name consists of letters, digits, '-' and '_', with '/' between namespaces, got {name!r}"
         ) from None
     return whole
+
+
+def dataset_path(identity: str) -> Path:
+    """Return the folder of a dataset, whether it exists or not.
+
+    Raises:
+        ValueError: if the name is a namespace of other datasets.
+    """
+    place = Path(get_dataset_path(identity))
+    if place.exists() and not (place / "data").exists():
+        raise ValueError(f"{identity!r} is a namespace of other datasets; choose another name")
+    return place
 
 
 def staging_folder() -> Path:
@@ -63,9 +75,7 @@ def atomic_dataset(identity: str, size: int) -> Iterator[Path]:
         ValueError: if the name is a namespace of other datasets.
         OSError: naming the folder, if it cannot be written.
     """
-    place = Path(get_dataset_path(identity))
-    if place.exists() and not (place / "data").exists():
-        raise ValueError(f"{identity!r} is a namespace of other datasets; choose another name")
+    place = dataset_path(identity)
     try:
         with tempfile.TemporaryDirectory(prefix=STAGING_PREFIX, dir=_clean_staging(staging_folder())) as temporary:
             _make_sure_of_room(Path(temporary, "room"), size)
@@ -104,14 +114,14 @@ def _clean_staging(folder: Path) -> Path:
 def _replace(made: Path, place: Path, aside: Path) -> None:
     """Move a complete dataset to its place; an older one is moved aside, and back if that fails.
 
-    A process killed between the two moves leaves no dataset; the resumed run records it again.
+    A process killed between the two moves leaves no dataset; the same command records it again.
     """
     place.parent.mkdir(parents=True, exist_ok=True)
     if place.exists():
         place.rename(aside)
     try:
         made.rename(place)
-    except OSError:
-        if aside.exists():
+    except BaseException:
+        if aside.exists() and not place.exists():
             aside.rename(place)
         raise

@@ -1,9 +1,10 @@
 """Datasets as tables, CSV or Parquet, for use without Minari.
 
-A row is a step of an episode: state and observation, the action held during the step, and its reward. The last row of
-an episode is the final state; its actions and reward are empty.
+A row is a step of an episode: the state and observation at its start, the action held during it, its reward, and
+whether it ends the episode at the goal. The state after the last step is in the dataset only.
 
-    episode, step, t_s, x_m, ..., thrust_mps2, rate_radps, action_0, action_1, goal_x, ..., reward, k_star
+    episode, seed, scenario, step, t_s, x_m, ..., thrust_mps2, rate_radps, action_0, action_1, goal_x, ..., reward,
+    terminated, k_star
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ def check_export(path: str | Path) -> Path:
 
 
 def table(dataset: minari.MinariDataset) -> pd.DataFrame:
-    """Return all episodes of a dataset as one table, with K + 1 rows for each."""
+    """Return all episodes of a dataset as one table, with K rows for each."""
     facts = dataset.storage.get_episode_metadata(dataset.episode_indices)
     names = dataset.storage.metadata["observation_names"]
     episodes = [
@@ -64,19 +65,12 @@ def table(dataset: minari.MinariDataset) -> pd.DataFrame:
 
 
 def _episode(number: int, episode: minari.EpisodeData, known: dict[str, Any], names: list[str]) -> pd.DataFrame:
-    scenario, count = Scenario.from_json(known["scenario"]), len(episode)
-    held = _with_empty_row(episode.actions)
-    columns: dict[str, Any] = {"episode": number, "step": np.arange(count + 1)}
-    columns[TIME] = scenario.dt * columns["step"]
-    columns |= dict(zip(STATES, episode.infos["state"].T, strict=True))
-    columns |= dict(zip(CONTROLS, _with_empty_row(scenario.quadrotor.control(episode.actions)).T, strict=True))
-    columns |= {f"action_{i}": held[:, i] for i in range(held.shape[1])}
-    columns |= dict(zip(names, episode.observations.T, strict=True))
-    columns["reward"] = _with_empty_row(episode.rewards)
-    columns["k_star"] = int(known["k_star"])
+    scenario, steps = Scenario.from_json(known["scenario"]), np.arange(len(episode))
+    columns: dict[str, Any] = {"episode": number, "seed": known["seed"], "scenario": scenario.name, "step": steps}
+    columns[TIME] = scenario.dt * steps
+    columns |= dict(zip(STATES, episode.infos["state"][:-1].T, strict=True))
+    columns |= dict(zip(CONTROLS, scenario.quadrotor.control(episode.actions).T, strict=True))
+    columns |= {f"action_{i}": action for i, action in enumerate(episode.actions.T)}
+    columns |= dict(zip(names, episode.observations[:-1].T, strict=True))
+    columns |= {"reward": episode.rewards, "terminated": episode.terminations, "k_star": int(known["k_star"])}
     return pd.DataFrame(columns)
-
-
-def _with_empty_row(values: Any) -> Any:
-    """Return values of K steps, shape (K, ...), with an empty row appended for the final state."""
-    return np.concatenate([values, np.full_like(values[:1], np.nan)])

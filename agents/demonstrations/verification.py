@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import minari
 
-from agents.demonstrations.recording import ENVIRONMENT
+from agents.demonstrations.metadata import ENVIRONMENT
 from flatgym import __version__, observation_names
 from flatgym.scenarios.catalogue import ProblemLike
 from flatgym.scenarios.catalogue import problem as problem_named

@@ -1,6 +1,6 @@
 """Behaviour cloning: a network is fitted to the actions of an expert (Pomerleau 1989).
 
-    clone(load_expert_data(minari.load_dataset("flatquad/hoop/optimal-v0"), "hoop"), CloneConfig(scenario="hoop"))
+    clone(load_expert_data(minari.load_dataset("flatquad/hoop/best-known-v0"), "hoop"), CloneConfig(scenario="hoop"))
 
 Time-optimal controls are mostly at a limit, and the environment clips the network's output. Where the expert's action
 is at a limit, an output beyond the same limit therefore has no loss.

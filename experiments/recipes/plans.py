@@ -29,7 +29,8 @@ def preparation(spec: RunSpec) -> Row:
     if (row := read_json(path)) is None:
         solution = optimal.solve(problem)
         flights = demonstrations.plan(problem, RECORDED_FLIGHTS, seed=0, jobs=1)
-        dataset = demonstrations.record(problem, flights)
+        own = demonstrations.dataset_id(problem).replace("best-known", "benchmark")  # one that the user recorded stays
+        dataset = demonstrations.record(problem, flights, own, if_exists="replace")
         row = {"schema": SCHEMA, "solution": solution.row(), "dataset": dataset.id}
         row["demonstrated_steps"] = [flight.steps for flight in flights]
         write_json(path, row)

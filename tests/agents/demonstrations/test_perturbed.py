@@ -15,7 +15,7 @@ def test_perturbed_flights_through_hoops_replay_to_the_goal():
     assert len(flights) == 3
     assert len({one.hoops_passed for one in flights}) > 1
     dataset = demonstrations.record(scenario, flights)
-    assert dataset.id == f"flatquad/through-{scenario.digest[:8]}/optimal-v0"
+    assert dataset.id == f"flatquad/through-{scenario.digest[:8]}/best-known-v0"
     assert dataset.recover_environment().unwrapped.scenario == scenario
     assert [(one.outcome, one.steps) for one in demonstrations.replay(dataset)] == [
         ("goal", one.steps) for one in flights

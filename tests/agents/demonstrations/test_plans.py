@@ -37,6 +37,15 @@ def test_displaced_starts_stay_near_above_the_floor_and_off_the_goal(generator):
         assert np.hypot(*(start - near_goal.goal)) > near_goal.tolerance.position
 
 
+def test_flights_from_displaced_starts_reach_the_goal_in_the_scenario_itself():
+    short = Scenario("short", (0, 0), (1, 0), time_limit=0.7)
+    flights = demonstrations.plan(short, 4, spread=1.0, jobs=1)
+    assert len(flights) == 4
+    assert all(one.steps <= 35 for one in flights)
+    with pytest.raises(ValueError, match="all flights of 'short' are equal"):
+        demonstrations.plan(short, 1, spread=0.0, own_start=False)
+
+
 def test_problems_without_a_flight_raise_solve_failed():
     with pytest.raises(SolveFailed, match="at least"):
         demonstrations.plan(Scenario("far", (0, 0), (200, 0)), 3, jobs=1)
@@ -50,7 +59,9 @@ def test_problems_without_a_flight_raise_solve_failed():
         (("hop", 1), "unknown scenario 'hop'"),
         (("hoop", 0), "episodes must be a whole number in 1"),
         (("hoop", 1, -1), "seed must be a whole number in 0"),
-        (("hoop", 2, 0, 0.0), "all 2 flights of 'hoop' are equal; use episodes=1"),
+        (("hoop", 2, 0, 0.0), "all flights of 'hoop' are equal; use one flight, or a larger spread"),
+        (("hoop", 3, 0, 100.0), r"spread must be at most 5 m, got 100: starts further away .* bounds of 'hoop'"),
+        (("random-goal", 1, 0, 5.1), r"spread must be at most 5 m, got 5.1: .* bounds of 'random-goal'"),
         (("hoop", 2, 0, -1.0), r"plan.spread must be at least 0, got -1.0"),
         (("hoop", 2, 0, None, -1), "perturbed must be a whole number in 0"),
     ],

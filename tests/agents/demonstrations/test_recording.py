@@ -21,9 +21,9 @@ def facts(dataset):
 
 def test_stored_episodes_replay_to_the_goal_bit_for_bit(grounded, capsys):
     demonstrations.record(LOW, grounded)
-    demonstrations.record(LOW, grounded)  # replaces the first
+    demonstrations.record(LOW, grounded, if_exists="replace")
     assert capsys.readouterr().out == ""
-    dataset = minari.load_dataset(f"flatquad/{label(LOW)}/optimal-v0")
+    dataset = minari.load_dataset(f"flatquad/{label(LOW)}/best-known-v0")
     assert list(minari.list_local_datasets()) == [dataset.id]
     replays = demonstrations.replay(dataset)
     assert [(one.outcome, one.steps) for one in replays] == [("goal", one.steps) for one in grounded]
@@ -76,7 +76,7 @@ def test_a_distribution_of_ones_own_is_recorded_with_its_content():
     own = Distribution("random-goal", half_width=1.0)  # not the built-in one
     flights = demonstrations.plan(own, 2, jobs=1)
     dataset = demonstrations.record(own, flights)
-    assert dataset.id == f"flatquad/random-goal-{own.digest[:8]}/optimal-v0"
+    assert dataset.id == f"flatquad/random-goal-{own.digest[:8]}/best-known-v0"
     env = dataset.recover_environment()
     env.reset(seed=1)
     assert env.unwrapped.scenario == own.scenario(1)
@@ -90,10 +90,10 @@ def test_a_flight_that_misses_the_goal_leaves_the_older_dataset_unchanged(goals,
     before = contents(demonstrations.record("random-goal", goals, "kept"))
     short = demonstrations.Demonstration(SCENARIOS["horizontal-3"], goals[0].flight, 0)
     with pytest.raises(RuntimeError, match=r"a planned flight of .* ended as"):
-        demonstrations.record("horizontal-3", [short], "kept")
+        demonstrations.record("horizontal-3", [short], "kept", if_exists="replace")
     swapped = demonstrations.Demonstration(goals[1].scenario, goals[0].flight, goals[0].seed)
     with pytest.raises(RuntimeError, match=r"seed 5 gives .*random-goal-5-0.* not .*random-goal-6-0"):
-        demonstrations.record("random-goal", [swapped], "kept")
+        demonstrations.record("random-goal", [swapped], "kept", if_exists="replace")
     assert contents(minari.load_dataset("kept-v0")) == before
     assert list(staging_folder().iterdir()) == []
 

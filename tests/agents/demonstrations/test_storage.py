@@ -64,11 +64,11 @@ def test_a_full_disk_is_named_and_the_older_dataset_unchanged(goals, contents):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
     try:
-        with pytest.raises(OSError, match=r"older dataset of this name is unchanged; free some space.*optimal-v0'"):
-            demonstrations.record("random-goal", goals)
+        with pytest.raises(OSError, match=r"older dataset of this name is unchanged; free some space.*best-known-v0'"):
+            demonstrations.record("random-goal", goals, if_exists="replace")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert contents(minari.load_dataset("flatquad/random-goal/optimal-v0")) == before
+    assert contents(minari.load_dataset("flatquad/random-goal/best-known-v0")) == before
     assert list(staging_folder().iterdir()) == []
 
 
@@ -83,7 +83,7 @@ def test_an_older_dataset_is_restored_if_the_new_one_cannot_replace_it(goals, mo
 
     monkeypatch.setattr(Path, "rename", refused)
     with pytest.raises(PermissionError, match="Permission denied; an older dataset"):
-        demonstrations.record("random-goal", goals, "kept")
+        demonstrations.record("random-goal", goals, "kept", if_exists="replace")
     assert contents(minari.load_dataset("kept-v0")) == before
 
 

@@ -18,17 +18,19 @@ def test_tables_hold_the_exact_numbers(grounded, tmp_path, ending):
     states = ["x_m", "z_m", "vx_mps", "vz_mps", "theta_rad"]
     for number, (episode, one) in enumerate(zip(dataset.iterate_episodes(), grounded, strict=True)):
         flown = rows[rows.episode == number]
-        assert flown.step.tolist() == list(range(one.steps + 1))
+        assert flown.step.tolist() == list(range(one.steps))
+        assert set(flown.seed) == {one.seed}
+        assert set(flown.scenario) == {"low"}
+        assert flown.terminated.tolist() == [False] * (one.steps - 1) + [True]
         assert set(flown.k_star) == {one.steps}
         np.testing.assert_allclose(flown.t_s, 0.02 * flown.step)
-        np.testing.assert_array_equal(flown[states], episode.infos["state"])
-        np.testing.assert_array_equal(flown[list(observation_names())].astype(np.float32), episode.observations)
-        held, arrival = flown.iloc[:-1], flown.iloc[-1]
-        np.testing.assert_array_equal(held[["action_0", "action_1"]].astype(np.float32), episode.actions)
+        np.testing.assert_array_equal(flown[states], episode.infos["state"][:-1])
+        np.testing.assert_array_equal(flown[list(observation_names())].astype(np.float32), episode.observations[:-1])
+        np.testing.assert_array_equal(flown[["action_0", "action_1"]].astype(np.float32), episode.actions)
         controls = one.scenario.quadrotor.control(episode.actions)
-        np.testing.assert_allclose(held[["thrust_mps2", "rate_radps"]], controls, rtol=1e-6, atol=1e-6)
-        np.testing.assert_array_equal(held.reward, episode.rewards)
-        assert arrival[["action_0", "action_1", "thrust_mps2", "rate_radps", "reward"]].isna().all()
+        np.testing.assert_allclose(flown[["thrust_mps2", "rate_radps"]], controls, rtol=1e-6, atol=1e-6)
+        np.testing.assert_array_equal(flown.reward, episode.rewards)
+    assert not rows.isna().any(axis=None)
 
 
 def test_tables_that_cannot_be_written_are_refused(goals, tmp_path, monkeypatch):
