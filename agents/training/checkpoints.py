@@ -26,7 +26,7 @@ from flatgym.files import write_whole
 
 SCHEMA = 1
 """Version of the file format; other versions are refused."""
-MAY_DIFFER = ("max_seconds", "folder", "tensorboard")
+MAY_DIFFER = ("max_seconds", "env_steps", "folder", "tensorboard")
 """Fields in which a configuration may differ from that of the checkpoint."""
 REPLAY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 """Arrays of a replay buffer."""
@@ -111,7 +111,10 @@ def _check_config(path: Path, text: str, config: Config) -> None:
     differ = [name for name in wanted if name not in MAY_DIFFER and was.get(name) != wanted[name]]
     if differ:
         changes = ", ".join(f"{name} = {was.get(name)!r}, not {wanted[name]!r}" for name in differ)
-        raise ValueError(f"{path} was written with {changes}; use the same values, another folder, or no resume")
+        raise ValueError(
+            f"{path} was written with {changes}; resume with the same values, or start a new training in another "
+            f"folder, from this policy if you like: policy={str(path.with_name('model.zip'))!r}"
+        )
 
 
 def _entropy(model: BaseAlgorithm) -> torch.Tensor | None:

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any, ClassVar
 
 from agents.training.fields import Checked, Count, Factor, Natural, NonNegative, Positive, Real, Seed, Share
+from flatgym.validation import choice
 
 TOLERANCE_SHARE = 0.4
 """Share of the training after which the tolerance is the true one."""
@@ -78,8 +79,8 @@ class Config(Checked):
     """Validation episodes on a distribution, the same each time; a scenario needs one, because it is deterministic."""
     checkpoint_every: Count = 50
     """Rollouts between two checkpoints (a segment); each segment resets all episodes."""
-    tensorboard: bool = False
-    """Whether to write TensorBoard files."""
+    tensorboard: str = ""
+    """Folder of TensorBoard files, with a subfolder for each training; none are written if empty."""
 
     @property
     def rollout_steps(self) -> int:
@@ -186,9 +187,7 @@ def config_of(algorithm: str, **values: Any) -> Config:
     Raises:
         ValueError: for an unknown algorithm or field, listing the known ones, and for an invalid value.
     """
-    kind = CONFIGS.get(algorithm.upper())
-    if kind is None:
-        raise ValueError(f"unknown algorithm {algorithm!r}; known: {', '.join(CONFIGS)}")
+    kind = CONFIGS.get(algorithm.upper()) or CONFIGS[choice("algorithm", algorithm, CONFIGS)]
     known = [field.name for field in fields(kind)]
     if unknown := sorted(set(values) - set(known)):
         raise ValueError(f"unknown fields {', '.join(unknown)} of {kind.__name__}; known: {', '.join(known)}")

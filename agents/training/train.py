@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.logger import configure
+from stable_baselines3.common.logger import Logger, make_output_format
 
 from agents import policies
 from agents.evaluation.validation import Point
@@ -64,6 +64,7 @@ def train(
     config: Config,
     optimum: FewestSteps | int | None = None,
     resume: bool = False,
+    overwrite: bool = False,
     on_validation: Callable[[Point], Any] = lambda _: None,
 ) -> Training:
     """Train, and store the best deterministic policy.
@@ -74,7 +75,9 @@ def train(
     Args:
         config: everything the training depends on. A `policy` file is trusted as in `policies.load`.
         optimum: K*, if known: training on a scenario stops when the policy needs K* steps.
-        resume: continue from the checkpoint in `config.folder`, if there is one.
+        resume: continue from the checkpoint in `config.folder`, if there is one. More `env_steps` than before prolong
+            the training; its schedules then run over the new total.
+        overwrite: replace an earlier training in `config.folder`.
         on_validation: called with each point of the learning curve.
 
     Returns:
@@ -82,9 +85,11 @@ def train(
         the logs of Stable-Baselines3.
 
     Raises:
-        ValueError: for a damaged checkpoint, or one of another configuration.
+        ValueError: for a damaged checkpoint, or one of another configuration; or if the folder holds an earlier
+            training and neither `resume` nor `overwrite` is given.
         OSError: if a file cannot be written; earlier files stay intact.
     """
+    _check_folder(config, resume or overwrite)
     model, progress = build(config), Progress(learning_rate=config.learning_rate)
     if resume and checkpoints.checkpoint_file(config).exists():
         progress = checkpoints.restore(config, model)
@@ -103,12 +108,27 @@ def train(
     return Training(config, model_file(config), progress.curve, progress.best, model.num_timesteps, callback.elapsed)
 
 
+def _check_folder(config: Config, may_write: bool) -> None:
+    """Raise a ValueError if the folder holds a training that must not be replaced."""
+    held = [file.name for file in (model_file(config), checkpoints.checkpoint_file(config)) if file.exists()]
+    if held and not may_write:
+        raise ValueError(
+            f"{config.folder} holds {' and '.join(held)} of an earlier training: continue it with --resume "
+            "(resume=True), replace it with --overwrite (overwrite=True), or name another --folder"
+        )
+
+
 def _set_logger(config: Config, model: BaseAlgorithm) -> None:
     """Set up SB3's logger, with a folder for each session."""
     if config.tensorboard:
         require("tensorboard", "tensorboard")
     folder = Path(config.folder) / "logs" / f"from-{model.num_timesteps}"
-    model.set_logger(configure(str(folder), ["csv", "tensorboard"] if config.tensorboard else ["csv"]))
+    folder.mkdir(parents=True, exist_ok=True)
+    formats = [make_output_format("csv", str(folder))]
+    if config.tensorboard:
+        own = Path(config.tensorboard) / Path(config.folder).resolve().name
+        formats.append(make_output_format("tensorboard", str(own)))
+    model.set_logger(Logger(str(folder), formats))
 
 
 def _learn(model: BaseAlgorithm, callback: TrainingCallback) -> None:

@@ -44,7 +44,7 @@ torch.set_num_threads(1)  # small networks: a second thread slows them down
 
 # %%
 planned = agents.demonstrations.plan(NAME, 3 if QUICK else 8, perturbed=1 if QUICK else 3, jobs=1)
-dataset = agents.demonstrations.record(NAME, planned)
+dataset = agents.demonstrations.record(NAME, planned, f"walkthrough/{NAME}", if_exists="replace")
 replays = agents.demonstrations.replay(dataset)
 k_star = planned[0].steps
 print(f"{dataset.id}: {dataset.total_episodes} flights, {dataset.total_steps} steps, K* = {k_star}")
@@ -133,7 +133,7 @@ config = agents.PPOConfig(
     target_kl=0.005,
     folder=str(FOLDER / "ppo"),
 )
-training = agents.train(config, optimum=k_star)
+training = agents.train(config, optimum=k_star, overwrite=True)
 tuned = agents.policies.load(training.model, trust=True)
 print(pd.DataFrame(training.curve)[["env_steps", "outcome", "steps"]].to_string())
 scores += [scored("cloned, then PPO", tuned)]

@@ -94,7 +94,7 @@ config = agents.PPOConfig(
     batch_size=BATCH,
     folder=str(FOLDER / "ppo"),
 )
-training = agents.train(config, optimum=best.k_star)
+training = agents.train(config, optimum=best.k_star, overwrite=True)
 curriculum_policy = agents.policies.load(training.model, trust=True)  # a zip can hold code: trust only your own
 print(pd.DataFrame(training.curve)[["env_steps", "outcome", "steps"]].to_string())
 

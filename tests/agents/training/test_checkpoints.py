@@ -93,10 +93,29 @@ def test_a_finished_training_does_not_continue(finished, copy):
     assert again.model.read_bytes() == finished[1].model.read_bytes()
 
 
-def test_without_resume_training_starts_over(copy):
+def test_an_earlier_training_is_replaced_only_when_asked(copy):
+    before = checkpoint_file(copy).read_bytes()
+    with pytest.raises(
+        ValueError, match=r"holds checkpoint.pt of an earlier training: .*--resume.*--overwrite.*--folder"
+    ):
+        train(copy)
+    assert checkpoint_file(copy).read_bytes() == before
     seen = []
-    train(copy, on_validation=seen.append)
+    train(copy, overwrite=True, on_validation=seen.append)
     assert seen[0]["env_steps"] == 256
+    checkpoint_file(copy).unlink()
+    with pytest.raises(ValueError, match=r"holds model.zip of an earlier training"):
+        train(copy)
+
+
+def test_a_finished_training_is_prolonged_by_more_steps(finished, copy):
+    longer = train(replace(copy, env_steps=1536), resume=True)
+    assert longer.env_steps == 1536
+    before = flown(finished[1].curve)[:-1]  # the last point is the final validation
+    assert flown(longer.curve)[: len(before)] == before
+    assert longer.curve[-1]["env_steps"] == 1536
+    shorter = train(replace(copy, env_steps=512), resume=True)
+    assert shorter.env_steps == 1536
 
 
 def test_segment_seeds_differ_from_each_other_and_from_validation_and_scores(finished):
@@ -106,9 +125,14 @@ def test_segment_seeds_differ_from_each_other_and_from_validation_and_scores(fin
     assert max(seeds) + 100_000 < VALIDATION_SEED < VALIDATION_SEED + config.n_eval_episodes < EVALUATION_SEED
 
 
-def test_a_resumed_configuration_may_differ_in_time_folder_and_logging_only(copy):
-    assert checkpoints.restore(replace(copy, max_seconds=7.0, tensorboard=True), build(copy)).segment == 3
-    with pytest.raises(ValueError, match=r"checkpoint.pt was written with seed = 0, not 1, width = 8, not 16;"):
+def test_a_resumed_configuration_may_differ_in_length_folder_and_logging_only(copy):
+    assert (
+        checkpoints.restore(replace(copy, max_seconds=7.0, tensorboard="runs", env_steps=4096), build(copy)).segment
+        == 3
+    )
+    with pytest.raises(
+        ValueError, match=r"checkpoint.pt was written with seed = 0, not 1, width = 8, not 16; .*policy='.*model.zip'"
+    ):
         train(replace(copy, seed=1, width=16), resume=True)
 
 

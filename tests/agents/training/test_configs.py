@@ -12,7 +12,9 @@ ALGORITHMS = tuple(CONFIGS)
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_json_round_trip(algorithm):
-    config = config_of(algorithm, scenario="random-goal", seed=3, learning_rate=1e-4, tensorboard=True, value_width=128)
+    config = config_of(
+        algorithm, scenario="random-goal", seed=3, learning_rate=1e-4, tensorboard="runs", value_width=128
+    )
     assert from_json(config.to_json()) == config
     assert json.loads(config.to_json())["algorithm"] == algorithm
 
@@ -46,7 +48,8 @@ def test_whole_numbers_are_stored_as_floats_in_float_fields():
         ("pool_expert_share", "much", "must be a number"),
         ("tolerance", 0.5, "must lie in 1.."),
         ("failure_cost", -1.0, "at least 0"),
-        ("tensorboard", 1, "must be a bool"),
+        ("guidance", 1, "must be a bool"),
+        ("tensorboard", True, "must be a str"),
         ("policy", None, "must be a str"),
         ("log_std_init", float("inf"), "must be finite"),
     ],

@@ -116,10 +116,19 @@ def test_stable_baselines3_logs_each_session_as_csv(small, tmp_path):
     assert [int(row["time/total_timesteps"]) for row in rows] == list(range(256, 2049, 256))
 
 
+def test_tensorboard_files_of_several_trainings_stand_in_one_folder(small, tmp_path):
+    for seed in (0, 1):
+        folder = str(tmp_path / f"seed-{seed}")
+        train(replace(small, env_steps=256, seed=seed, folder=folder, tensorboard=str(tmp_path / "curves")))
+    files = sorted((tmp_path / "curves").glob("*/events.out.tfevents*"))
+    assert [file.parent.name for file in files] == ["seed-0", "seed-1"]
+    assert all(b"time/fps" in file.read_bytes() for file in files)
+
+
 def test_a_missing_tensorboard_is_named_before_training(small, monkeypatch):
     monkeypatch.setattr("flatgym.extras.find_spec", lambda _: None)
     with pytest.raises(ImportError, match=r"tensorboard not installed; run: pip install 'flatgym\[tensorboard\]'"):
-        train(replace(small, tensorboard=True))
+        train(replace(small, tensorboard="runs"))
 
 
 def test_the_curriculum_follows_the_environment_steps(small):
