@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from typing import Any
 
 import joblib
 
 from flatgym.scenarios.scenario import Scenario
+from flatgym.validation import choice
 from optimal.cluster import unordered_on_cluster
 
 BACKENDS = ("loky", "ray")
@@ -21,8 +25,7 @@ Progress = bool | Callable[[int, int], None]
 
 def check_workers(jobs: int, backend: str) -> None:
     """Raise a ValueError for an unknown backend or an impossible number of workers."""
-    if backend not in BACKENDS:
-        raise ValueError(f"unknown backend {backend!r}; known: {', '.join(BACKENDS)}")
+    choice("backend", backend, BACKENDS)
     if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs == 0:
         raise ValueError(f"jobs must be a number of processes, or -1 for one a core, got {jobs!r}")
 
@@ -46,7 +49,32 @@ def unordered(function: Callable[[Scenario], Any], tasks: list[Scenario], jobs: 
         return
     calls = [joblib.delayed(function)(task) for task in tasks]
     with joblib.parallel_config(backend=backend, inner_max_num_threads=1):
-        yield from joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(calls)
+        yield from parallel_results(calls, jobs, "generator_unordered")
+
+
+def parallel_results(calls: Iterable[Any], jobs: int, return_as: str = "generator") -> Iterator[Any]:
+    """Return the results of joblib's delayed calls, from worker processes that Ctrl-C does not reach.
+
+    A terminal sends Ctrl-C to all processes. Only the parent needs it: it ends the workers, which would otherwise print
+    tracebacks. A process inherits the signals that its parent blocks while it is started.
+    """
+    with blocked_interrupts():
+        found: Iterator[Any] = joblib.Parallel(n_jobs=jobs, return_as=return_as)(calls)
+    return found
+
+
+@contextmanager
+def blocked_interrupts() -> Iterator[None]:
+    """Block Ctrl-C in this thread, and for good in processes and threads that are started within this context."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # pools start it, and before Python 3.13 its start unblocks the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def with_progress(found: Iterator[Any], total: int, progress: Progress) -> Iterator[Any]:

@@ -32,6 +32,7 @@ from flatgym.scenarios.distributions import Distribution
 from flatgym.scenarios.scenario import Tolerance
 from flatgym.task.scene import FLYING, EpisodeState, Integers, Scene
 from optimal.discrete.fewest_steps import FewestSteps
+from optimal.parallel import parallel_results
 
 START_STD = tolerances(Tolerance())
 """Standard deviations of the start states for a `start_noise` of 1: the goal tolerance [m, m, m/s, m/s, rad]."""
@@ -178,7 +179,7 @@ def combined_oracle(
             joblib.delayed(plan_labels)(flight, states, actions, plan_every, plan_steps)
             for flight, states, actions in zip(own[first:], episodes.states, episodes.actions, strict=False)
         )
-        plans = concatenate(joblib.Parallel(n_jobs=jobs)(calls))._replace(env_steps=int(episodes.steps.sum()))
+        plans = concatenate(list(parallel_results(calls, jobs)))._replace(env_steps=int(episodes.steps.sum()))
         copies = [plans._replace(env_steps=0, labels=0)] * (plan_weight - 1)
         return with_mirror_images(concatenate([lqr(policy, number), plans, *copies]))
 

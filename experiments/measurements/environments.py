@@ -33,6 +33,7 @@ from experiments.files import Row
 from experiments.measurements.interleaved import Candidate, batch, interleaved, ratio, single
 from experiments.measurements.sections import Advance, Section, fresh_process, median
 from flatgym import SCENARIOS
+from optimal.parallel import blocked_interrupts
 
 BASELINE, OURS = "CartPole-v1", "FlatQuad-v0"
 ROUNDS, SECONDS = 25, 0.15
@@ -143,8 +144,11 @@ print(time.perf_counter() - begun)
 
 def output(code: str, **environment: str) -> str:
     """Return the standard output of a new Python process that runs `code`."""
-    command = [sys.executable, "-c", code]
-    return subprocess.run(command, check=True, capture_output=True, text=True, env=os.environ | environment).stdout
+    command, variables = [sys.executable, "-c", code], os.environ | environment
+    done = subprocess.run(
+        command, check=True, capture_output=True, text=True, env=variables, start_new_session=True
+    )  # Ctrl-C is for this process, which ends the other
+    return done.stdout
 
 
 @torch_threads()
@@ -217,8 +221,10 @@ def memory(quick: bool, advance: Advance) -> list[Row]:
     cases = [(SCENARIO, "NextStep"), (DRAWN[0], "SameStep")]
     rows: list[Row] = []
     for i, (scenario, mode) in enumerate(cases):
-        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-            checkpoints = pool.submit(memory_checkpoints, scenario, envs, mode, marks).result()
+        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+            with blocked_interrupts():
+                measured = pool.submit(memory_checkpoints, scenario, envs, mode, marks)
+            checkpoints = measured.result()
         sizes = [checkpoint["resident_mb"] for checkpoint in checkpoints[1:]]
         row: Row = {"what": scenario, "num_envs": envs, "autoreset": mode, "checkpoints": checkpoints}
         rows.append(with_target(row | {"growth_mb": max(sizes) - sizes[0]}, "growth_mb", MAX_GROWTH, at_most=True))

@@ -23,6 +23,8 @@ from rich.progress import Progress, TaskID
 from experiments.files import Row, move_aside, write_json
 from experiments.provenance import now, provenance
 from flatgym import Scenario
+from flatgym.validation import choice
+from optimal.parallel import parallel_results
 
 Advance = Callable[[int, int], None]
 """Progress callback: the number of finished parts, and of all parts."""
@@ -74,7 +76,7 @@ def median(times: Sequence[float]) -> Row:
 def fresh_process(code: str) -> float:
     """Return the wall time of a new Python process that runs `code` [s]."""
     begun = time.perf_counter()
-    subprocess.run([sys.executable, "-c", code], check=True)
+    subprocess.run([sys.executable, "-c", code], check=True, start_new_session=True)  # Ctrl-C is for this process
     return time.perf_counter() - begun
 
 
@@ -82,14 +84,14 @@ def in_parallel(function: Callable[..., Row], tasks: Iterable[Sequence[Any]], ad
     """Return `function(*task)` of all tasks, in their order."""
     calls = [joblib.delayed(function)(*task) for task in tasks]
     rows: list[Row] = []
-    for row in joblib.Parallel(n_jobs=PROCESSES, return_as="generator")(calls):
+    for row in parallel_results(calls, PROCESSES):
         rows.append(row)
         advance(len(rows), len(calls))
     return rows
 
 
 def measure(sections: Mapping[str, Section], out: Path, *, smoke: bool, command: str, bar: Progress) -> Row:
-    """Run sections and write them into a results file, beside its other sections of the same kind.
+    """Run sections and write each when it ends into a results file, beside its other sections of the same kind.
 
     Args:
         sections: by name.
@@ -100,10 +102,28 @@ def measure(sections: Mapping[str, Section], out: Path, *, smoke: bool, command:
 
     Returns:
         The content of the results file.
+
+    Raises:
+        ValueError: if there is a file of another kind at that path, before anything is run.
     """
-    results = join(out, run(sections, smoke=smoke, command=command, bar=bar))
-    write_json(out, results)
+    check_kind(out)
+    results: Row = {}
+    for name, section in sections.items():
+        results = join(out, run({name: section}, smoke=smoke, command=command, bar=bar))
+        write_json(out, results)
     return results
+
+
+def check_kind(path: Path) -> None:
+    """Raise a ValueError for an existing file that no measurement has written; it stays as it is."""
+    if not path.exists():
+        return
+    try:
+        known = "sections" in json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, TypeError):
+        known = False
+    if not known:
+        raise ValueError(f"{path} exists and is not a results file of `flatquad measure`; name another --out")
 
 
 def run(sections: Mapping[str, Section], *, smoke: bool, command: str, bar: Progress) -> Row:
@@ -150,6 +170,4 @@ def chosen(sections: Mapping[str, Section], names: Sequence[str]) -> dict[str, S
     Raises:
         ValueError: for an unknown name; it lists the known ones.
     """
-    if unknown := [name for name in names if name not in sections]:
-        raise ValueError(f"unknown section {unknown[0]!r}; known: {', '.join(sections)}")
-    return {name: sections[name] for name in names or sections}
+    return {choice("section", name, sections): sections[name] for name in names or sections}

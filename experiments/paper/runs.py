@@ -17,6 +17,7 @@ from experiments.paper.comparison import COLUMNS, compare
 from experiments.paper.initialisation import INITIALISATION_COLUMNS, METHODS, initialisation_study
 from experiments.paper.printed import PRINTED, in_free_space
 from experiments.paper.verdicts import VERDICT_COLUMNS, check_printed_time
+from optimal.parallel import blocked_interrupts
 
 PROCESSES = 2
 TABLES: dict[str, tuple[Callable[..., dict[str, Any]], tuple[str, ...]]] = {
@@ -44,7 +45,9 @@ def compute_tables(progress: Callable[[], Any] = lambda: None) -> dict[str, pd.D
     """Return all TABLES by key; `progress` is called after each row."""
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in TABLES}
     tasks = row_tasks()
-    with multiprocessing.get_context("spawn").Pool(PROCESSES, maxtasksperchild=1) as pool:
+    with blocked_interrupts():
+        workers = multiprocessing.get_context("spawn").Pool(PROCESSES, maxtasksperchild=1)
+    with workers as pool:
         for (table, _), row in zip(tasks, pool.imap(compute_row, tasks), strict=True):
             rows[table].append(row)
             progress()

@@ -34,6 +34,7 @@ from experiments.recipes.imitation import DISTRIBUTION_NETWORK
 from experiments.recipes.margins import HOOP_SHARE, robust_flight, with_hoop_share
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from optimal.batch import fewest_steps_many
+from optimal.parallel import parallel_results
 
 STAGES = (
     (DaggerConfig(gradient_steps=1500, rounds=24, max_seconds=300.0), 0.05),
@@ -78,7 +79,7 @@ def pretrain(
         if name in DISTRIBUTIONS:
             yield pretrain_distribution(*arguments(name), watch=watch)
     calls = [joblib.delayed(pretrain_scenario)(*arguments(name)) for name in names if name in SCENARIOS]
-    yield from joblib.Parallel(n_jobs=-1, return_as="generator_unordered")(calls)
+    yield from parallel_results(calls, -1, "generator_unordered")
 
 
 @torch_threads()

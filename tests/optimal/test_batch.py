@@ -18,6 +18,7 @@ from experiments.measurements.sections import uniform_goal
 from flatgym import SCENARIOS, Scenario
 from optimal import Status, batch, fewest_steps_many, solve_many, store
 from optimal.direct import program as shooting_program
+from optimal.parallel import unordered
 from optimal.store import decoded, encoded, stored_answers
 
 GOALS = [uniform_goal(np.random.default_rng((7, i)), i) for i in range(6)]
@@ -246,3 +247,13 @@ def test_an_answer_is_found_under_any_name_of_its_scenario(tmp_path):
     assert stored_answers(tmp_path, other) == []
     next(tmp_path.iterdir()).write_text("{}")
     assert stored_answers(tmp_path, short) == []
+
+
+def blocks_interrupts(_):
+    """Return whether the process that runs this, such as a worker, is spared by Ctrl-C."""
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_workers_are_spared_by_an_interrupt_of_the_terminal_and_their_parent_is_not():
+    assert list(unordered(blocks_interrupts, [1, 2, 3], 2, "loky")) == [True] * 3
+    assert not blocks_interrupts(None)
