@@ -7,12 +7,14 @@ columns are left out. If that is not enough, each row becomes a block of lines.
 from __future__ import annotations
 
 import json
+import math
+import os
 import re
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from textwrap import wrap
-from typing import Any
+from typing import Any, Literal
 
 import pandas as pd
 import typer
@@ -23,16 +25,26 @@ from rich.table import Table
 from rich.text import Text
 
 from experiments.files import plain
+from experiments.formats import SHARES, share
+from experiments.interrupts import NOTHING, Kept, keeping
 
 GAP = 2
 """Spaces between two columns."""
 NO_BREAK = "\N{NO-BREAK SPACE}"
-screen, messages = Console(highlight=False), Console(stderr=True)
+COLORS: Literal["auto"] | None = None if os.environ.get("NO_COLOR") else "auto"
+"""Colour system of the consoles; without one they print no escape codes for styles."""
+screen, messages = Console(highlight=False, color_system=COLORS), Console(stderr=True, color_system=COLORS)
 
 
 @contextmanager
-def progress_bar() -> Iterator[Progress]:
-    """Show a progress bar on standard error; what anything else prints meanwhile goes there too, as Ray's notes do."""
+def progress_bar(kept: Kept = NOTHING) -> Iterator[Progress]:
+    """Show a progress bar on standard error if that is a terminal and NO_COLOR is not set.
+
+    Standard output is for data only: what anything else prints meanwhile goes to standard error, as Ray's notes do.
+
+    Args:
+        kept: what Ctrl-C says about what is kept and how to go on.
+    """
     bar = Progress(
         SpinnerColumn(),
         TextColumn("{task.description}"),
@@ -41,8 +53,9 @@ def progress_bar() -> Iterator[Progress]:
         TimeElapsedColumn(),
         TextColumn("{task.fields[note]}", markup=False),
         console=messages,
+        disable=not messages.is_terminal or COLORS is None,
     )
-    with redirect_stdout(sys.stderr), bar:
+    with keeping(kept), redirect_stdout(sys.stderr), bar:
         yield bar
 
 
@@ -146,15 +159,16 @@ def numeric(text: str) -> bool:
 
 
 def show_record(row: dict[str, Any], as_json: bool, title: str) -> None:
-    """Print one row as a JSON list of one object, or as a line for each field."""
+    """Print one row as a JSON list of one object, or as a line for each field; shares are in per cent."""
     if as_json:
         show(pd.DataFrame([row], dtype=object), as_json)
         return
     indent = max(map(len, row)) + GAP
     screen.print(Text(title, style="italic"))
     for field, value in row.items():
-        lines = lines_of(cell(value), max(screen.width - indent, 20)) or [""]
-        screen.print(Text(f"{field:<{indent}}" + f"\n{' ' * indent}".join(lines)))
+        known = field in SHARES and isinstance(value, (int, float)) and math.isfinite(value)
+        lines = lines_of(glue(share(field, value) if known else cell(value)), max(screen.width - indent, 20)) or [""]
+        screen.print(Text(f"{field:<{indent}}" + f"\n{' ' * indent}".join(lines).replace(NO_BREAK, " ")))
 
 
 def cell(value: Any) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from experiments.files import Row
+from experiments.formats import format_percent
 
 
 def format_success(row: Row) -> str:
@@ -14,12 +15,6 @@ def format_success(row: Row) -> str:
     low, high = row["success_low"], row["success_high"]
     interval = "" if low == high else f" [{100 * low:.0f}, {100 * high:.0f}]"
     return f"{format_percent(row['success_rate'])}{interval}"
-
-
-def format_percent(rate: float) -> str:
-    """Return a rate in per cent; "100 %" and "0 %" are exact, values near them keep a decimal."""
-    percent = f"{100 * rate:.0f} %"
-    return percent if rate in (0, 1) or percent not in ("100 %", "0 %") else f"{100 * rate:.1f} %"
 
 
 def format_gap(row: Row, interval: bool = True) -> str:

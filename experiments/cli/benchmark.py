@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from experiments.cli.options import AsJson, Backend, Jobs, Quick, Timeout, Trust
-from experiments.files import USER_RESULTS, Row, published
+from experiments.files import USER_RESULTS, Row, check_output, published
+from experiments.formats import format_percent
 from experiments.terminal import command_line, messages, paragraph, progress_bar, screen, show, table
 from flatgym.files import write_text
 
@@ -69,7 +70,8 @@ def benchmark(
     suite = adapted_suite(name, named_policies(policy or (), trust), timeout, seeds, quick)
     suite, wanted = suite.with_own(only or ())
     folder = out / (FILES[name] + ("-quick" if quick else ""))
-    with progress_bar() as bar:
+    check_output(out / "report.html")
+    with progress_bar(f"finished cells and plans are kept in {folder}; the same command continues") as bar:
         results = run(suite, folder, command=command_line(), bar=bar, only=wanted, jobs=jobs, backend=backend)
         work = bar.add_task("report", total=1, note="")
         leaderboard = Leaderboard.of(results)
@@ -125,7 +127,7 @@ def show_leaderboard(leaderboard: Leaderboard, results: Row) -> None:
 
 def leaderboard_cells(row: LeaderboardRow, disturbed: float | None) -> Sequence[str]:
     """Return an agent's row of the printed table."""
-    from experiments.benchmark.formats import format_gap, format_percent, format_success
+    from experiments.benchmark.formats import format_gap, format_success
 
     if row.failed:
         return [row.problem, row.name, "failed", "-", "-", "-"]

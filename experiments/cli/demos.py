@@ -1,4 +1,4 @@
-"""`flatquad demos`: optimal flights as a Minari dataset."""
+"""`flatquad demos`: best-known flights as a Minari dataset."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import typer
 from rich.progress import Progress
 
 from experiments.cli.options import AsJson, Backend, Jobs, ProblemName
+from experiments.files import check_output
 from experiments.terminal import messages, progress_bar, show
 
 if TYPE_CHECKING:
@@ -22,8 +23,17 @@ EXAMPLES = "Example: flatquad demos hoop -n 8; flatquad demos random-goal -n 100
 def demos(
     scenario: ProblemName,
     number: Annotated[int, typer.Option("-n", "--number", min=1, help="Number of flights.")] = 8,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the starts, scenarios and perturbations.")] = 0,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="Seed of the starts, scenarios and perturbations.",
+            show_default="0, or with --append the first unused one",
+        ),
+    ] = None,
     out: Annotated[str, typer.Option(help="Minari id of the dataset.", show_default="named after the scenario")] = "",
+    append: Annotated[bool, typer.Option("--append", help="Add the flights to an existing dataset.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing dataset.")] = False,
     start_spread: Annotated[
         float | None,
         typer.Option(
@@ -43,23 +53,32 @@ def demos(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Record optimal (K*) flights as a Minari dataset.
+    """Record flights in K* steps, the fewest known, as a Minari dataset.
 
-    Finished flights are stored beside Minari's datasets, so an interrupted run resumes.
+    An existing dataset stays as it is unless --append or --overwrite is given. Finished flights are stored beside
+    Minari's datasets, so an interrupted run resumes.
     """
     from agents import demonstrations
     from agents.demonstrations.tables import check_export
 
     name, begun = demonstrations.dataset_id(scenario, out or None), time.perf_counter()
+    if append and overwrite:
+        raise ValueError("--append keeps the dataset and --overwrite replaces it: give one of them")
     if export is not None:
-        check_export(export)
-    with progress_bar() as bar:
+        check_output(check_export(export))
+    if_exists = "append" if append else "replace" if overwrite else "fail"
+    before = demonstrations.stored_dataset(scenario, name, if_exists)
+    if seed is None:
+        seed = 0 if before is None else demonstrations.next_seed(before)
+    kept = f"finished flights are kept in {demonstrations.flights_folder()}; the same command continues"
+    with progress_bar(kept) as bar:
         flights = plan_with_rate(
             bar,
             scenario,
             number,
             seed,
             spread=start_spread,
+            own_start=before is None,
             perturbed=perturbed,
             time_budget=proof_time,
             jobs=jobs,
@@ -67,13 +86,18 @@ def demos(
         )
         writing = bar.add_task(f"recording {name}", total=len(flights), note="")
         dataset = demonstrations.record(
-            scenario, flights, name, progress=lambda done, _: bar.update(writing, completed=done)
+            scenario,
+            flights,
+            name,
+            if_exists=if_exists,
+            progress=lambda done, _: bar.update(writing, completed=done),
         )
+    episodes = int(dataset.total_episodes)
     row = {
         "dataset": dataset.id,
-        "episodes": int(dataset.total_episodes),
+        "episodes": episodes,
         "steps": int(dataset.total_steps),
-        "proven": sum(one.flight.proven for one in flights),
+        "proven": round(episodes * dataset.storage.metadata["proven_share"]),
         "wall_time_s": time.perf_counter() - begun,
     }
     if export is not None:

@@ -13,7 +13,7 @@ from rich.text import Text
 
 import flatgym
 from experiments.cli.options import AsJson, Timeout, Trust
-from experiments.files import cache_folder
+from experiments.files import cache_folder, check_output
 from experiments.terminal import cell, command_line, messages, paragraph, progress_bar, show, table
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.reference import EVALUATION_SEED
@@ -104,6 +104,10 @@ def evaluate(
         policy, pretrained, agent, scenario, trust, normalize, algorithm, episodes, seed,
         flatgym.Disturbances(wind, thrust_gain, mass, action_delay, sensor_noise),
     )  # fmt: skip
+    if out is not None:
+        check_output(out)
+    if report is not None:
+        check_output(report, (".html",))
     with progress_bar() as bar:
         bar.add_task("episodes", total=None, note="")
         scored = score(submitted, cache_folder(), timeout, k_star_time, check=out is None)

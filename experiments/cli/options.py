@@ -1,11 +1,15 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options that several commands share, and how their help is printed."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.markup import escape
+from typer.core import TyperCommand
+
+HELP_OPTIONS = {"help_option_names": ["-h", "--help"]}
 
 ScenarioName = Annotated[
     str, typer.Argument(help="A scenario: a name that `flatquad list` shows, or a file.", show_default=False)
@@ -23,3 +27,13 @@ Trust = Annotated[bool, typer.Option("--trust", help="Load policy zips from outs
 Timeout = Annotated[float, typer.Option(min=1.0, help="Time limit for the episodes of an external policy, in seconds.")]
 Quick = Annotated[bool, typer.Option("--quick", help="Small sizes, to see that everything runs.")]
 ResultsFile = Annotated[Path | None, typer.Option("--out", help="The JSON file to write.", show_default=False)]
+
+
+class Command(TyperCommand):
+    """A command whose help has no markup: brackets, such as those of a unit, are printed."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.help, self.epilog = escape(self.help or ""), escape(self.epilog or "")
+        for parameter in self.params:
+            parameter.help = escape(parameter.help or "")  # type: ignore[attr-defined]

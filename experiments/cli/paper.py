@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from experiments.cli.options import AsJson
-from experiments.files import USER_RESULTS, plain, write_json
+from experiments.files import USER_RESULTS, check_output, plain, write_json
 from experiments.terminal import command_line, messages, paragraph, progress_bar, table
 
 EXAMPLES = "Example: flatquad paper --json"
@@ -25,6 +25,7 @@ def paper(
     from experiments.paper.tables import paper_tables
     from experiments.provenance import provenance
 
+    check_output(out, (".json",))
     with progress_bar() as bar:
         work = bar.add_task("rows of the paper's tables", total=len(runs.row_tasks()), note="")
         computed = runs.compute_tables(progress=lambda: bar.advance(work))

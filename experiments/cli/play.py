@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from experiments.files import check_output
 from experiments.terminal import messages
 
 EXAMPLES = "Example: flatquad play hoop --speed 0.25; flatquad play slalom --video slalom.mp4"
@@ -28,7 +29,10 @@ def play(
     G hides the ghost, [ and ] change the speed, Q quits.
     """
     from experiments.play import window
+    from flatgym.rendering.renderer import VIDEOS
 
+    if video is not None:
+        check_output(video, VIDEOS)
     session = window.play(scenario, speed, ghost, video)
     if session.best_steps:
         messages.print(f"best flight: {session.best_steps} steps")

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from experiments.cli.options import AsJson
-from experiments.files import USER_RESULTS, Row, load_json, published
+from experiments.files import USER_RESULTS, Row, check_output, load_json, published
 from experiments.terminal import messages, progress_bar
 
 EXAMPLES = "Example: flatquad report --out page.html"
@@ -27,6 +27,7 @@ def report(
     from experiments.benchmark.results import merge
     from experiments.report.page import write
 
+    check_output(out, (".html",))
     if results is not None and not results.exists():
         raise ValueError(f"there is no {results}; `flatquad benchmark` writes one")
     if results is not None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from experiments.cli.options import AsJson, ProblemName
-from experiments.files import cache_folder
+from experiments.files import cache_folder, check_output
 from experiments.formats import percent
 from experiments.terminal import messages, progress_bar, show_record
 from flatgym.scenarios import catalogue
@@ -45,23 +45,40 @@ def train_policy(
         Path | None,
         typer.Option(help="Folder of the model and the checkpoints.", show_default="runs/ALGORITHM-SCENARIO-SEED"),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue from the checkpoint in the folder.")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue from the checkpoint in the folder, perhaps to more --env-steps.")
+    ] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an earlier training in the folder.")] = False,
+    tensorboard: Annotated[
+        Path | None,
+        typer.Option(help="Folder of TensorBoard files; needs the extra `tensorboard`.", show_default=False),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Train a policy and save the best one; an interrupted training continues with --resume and ends the same."""
+    from agents.training.checkpoints import checkpoint_file
     from agents.training.configs import config_of
+    from agents.training.progress import model_file
     from agents.training.train import train
 
+    if resume and overwrite:
+        raise ValueError("--resume continues a training and --overwrite replaces it: give one of them")
     wanted = {"max_seconds": seconds, "env_steps": env_steps}
     config = config_of(
         algorithm,
         scenario=scenario,
         seed=seed,
         policy=policy,
+        tensorboard=str(tensorboard or ""),
         folder=str(folder or Path("runs") / f"{algorithm.lower()}-{catalogue.label(scenario)}-{seed}"),
         **{name: value for name, value in wanted.items() if value is not None},
     )
-    with progress_bar() as bar:
+    if resume and not checkpoint_file(config).exists():
+        raise ValueError(
+            f"{checkpoint_file(config)} does not exist: there is no training to resume; leave out --resume"
+        )
+    check_output(model_file(config))
+    with progress_bar(lambda: kept_of(config)) as bar:
         work = bar.add_task(f"{config.algorithm} on {catalogue.label(scenario)}", total=100, note="K*")
         known = known_k_star(config.scenario)
 
@@ -70,8 +87,22 @@ def train_policy(
             note = f"success {point['success_rate']:.0%}, {point['steps']:.4g} steps"
             bar.update(work, completed=min(100, round(100 * share)), note=note)
 
-        training = train(config, known.k_star if known else None, resume, watch)
+        training = train(config, known.k_star if known else None, resume, overwrite, watch)
     show_record(training_row(training, config, known), as_json, "Trained")
+
+
+def kept_of(config: Config) -> str:
+    """Return what an interrupted training has written, and how it continues."""
+    from agents.training.checkpoints import checkpoint_file
+    from agents.training.progress import model_file
+
+    written = [file.name for file in (model_file(config), checkpoint_file(config)) if file.exists()]
+    if not written:
+        return f"{config.folder} holds no model and no checkpoint yet; the same command starts over"
+    kept = f"{config.folder} keeps {' and '.join(written)}"
+    if checkpoint_file(config).exists():
+        return f"{kept}; the same command with --resume continues from the checkpoint"
+    return f"{kept}; there is no checkpoint yet, so --overwrite starts over"
 
 
 def known_k_star(problem: str) -> Reference | None:
@@ -115,7 +146,7 @@ def pretrain(
     from experiments.recipes import pretraining
 
     problems = [catalogue.problem(name).name for name in names]
-    with progress_bar() as bar:
+    with progress_bar(f"finished policies are kept in {out or PRETRAINED}; name the others to go on") as bar:
         work = bar.add_task("policies", total=len(problems), note="")
 
         def watch(point: dict[str, Any]) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from experiments.benchmark.formats import format_percent
 from experiments.files import Row
+from experiments.formats import format_percent
 from experiments.provenance import provenance_sentence
 from experiments.publishing.markdown import markdown, paragraph
 

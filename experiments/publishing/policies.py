@@ -6,9 +6,9 @@ import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from experiments.benchmark.formats import format_count, format_percent
+from experiments.benchmark.formats import format_count
 from experiments.files import Row, plain
-from experiments.formats import percent
+from experiments.formats import format_percent, percent
 from experiments.publishing.markdown import markdown
 from experiments.recipes.pretraining import DISTRIBUTION_CONFIGS, STAGES
 

@@ -51,6 +51,40 @@ def test_numbers_are_aligned_to_the_right():
     assert not any(map(terminal.numeric, ["hoop", "yes", "(5, 5)"]))
 
 
+@pytest.mark.parametrize(
+    ("field", "value", "text"),
+    [
+        ("success_rate", 1, "100 %"),
+        ("success_rate", 1.0, "100 %"),
+        ("success_rate", 0.32, "32 %"),
+        ("success_rate", 0.9996, "100.0 %"),
+        ("gap", 0.3116, "+31.2 %"),
+        ("gap", 1.02374, "+102.4 %"),
+        ("gap", 0.00021, "+0.021 %"),
+        ("gap", None, "-"),
+        ("gap", float("nan"), "-"),
+        ("gap", float("inf"), "inf"),
+        ("time_s", 0.3116, "0.3116"),
+    ],
+)
+def test_a_record_shows_shares_in_per_cent(monkeypatch, capsys, field, value, text):
+    monkeypatch.setattr(terminal, "screen", Console(width=60))
+    terminal.show_record({field: value}, as_json=False, title="Score")
+    assert capsys.readouterr().out.splitlines()[1].split(maxsplit=1)[1] == text
+
+
+@pytest.mark.parametrize("width", [60, 80])
+def test_a_record_breaks_no_word_and_no_unit(monkeypatch, capsys, width):
+    monkeypatch.setattr(terminal, "screen", Console(width=width))
+    text = "an interval of +36.3 % [35.5, 37.0] within the limits of the vehicle [m/s^2] and of time, 5.25 s of 6 s"
+    terminal.show_record({"status": text, "max_control_violation": 1e-12}, as_json=False, title="Solved [s]")
+    title, *lines = capsys.readouterr().out.splitlines()
+    assert title == "Solved [s]"
+    assert max(map(len, lines)) <= width
+    assert " ".join(" ".join(lines).split()) == f"status {text} max_control_violation 1e-12"
+    assert not any(line.endswith(("36.3", "[35.5,", "5.25", "6")) for line in lines)
+
+
 def test_standard_output_is_for_data_only_while_a_bar_is_shown(capsys):
     with terminal.progress_bar() as bar:
         bar.add_task("work", total=1, note="")

@@ -1,6 +1,7 @@
 """The command line: tables, JSON, help with examples, and exit statuses that mean something."""
 
 import json
+import os
 import subprocess
 import sys
 
@@ -12,6 +13,7 @@ from typer.testing import CliRunner
 import optimal
 from experiments import terminal
 from experiments.cli import app
+from experiments.files import ROOT
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.scenarios.reference import reference
 from tests.experiments.cli.shell import flatquad
@@ -175,12 +177,51 @@ def test_bad_arguments_of_solve_are_refused_before_the_work(monkeypatch, capsys,
         (["measure", "solvers", "sped"], "unknown section 'sped'; known: references, starts"),
         (["pretrain", "hop"], "did you mean 'hoop'"),
         (["benchmark", "--full", "--study"], "give one of them"),
+        (["benchmark", "--only", "hoop/pppo"], "unknown cell 'hoop/pppo'; known: hoop, "),
+        (["demos", "hoop", "--backend", "lokky"], "unknown backend 'lokky'; known: loky, ray; did you mean 'loky'?"),
+        (["demos", "hoop", "-n", "3", "--start-spread", "100"], "spread must be at most 5 m, got 100"),
+        (["demos", "hoop", "--append", "--overwrite"], "give one of them"),
+        (["demos", "hoop", "--export", "rows.xlsx"], "unknown ending '.xlsx' of rows.xlsx; known: .csv, .parquet"),
+        (["evaluate", "--pretrained", "hop"], "did you mean 'hoop'?"),
+        (["evaluate", "--agent", "expret", "--scenario", "hoop"], "did you mean 'expert'?"),
+        (["report", "--out", "page.pdf"], "unknown ending '.pdf' of page.pdf; known: .html"),
+        (["play", "--video", "flight.avi"], "unknown ending '.avi' of flight.avi; known: .mp4, .gif"),
+        (["paper", "--out", "paper.csv"], "unknown ending '.csv' of paper.csv; known: .json"),
+        (["measure", "solvers", "references", "--out", "solvers.txt"], "unknown ending '.txt' of solvers.txt"),
     ],
 )
-def test_bad_arguments_exit_2_with_the_way_out(monkeypatch, capsys, arguments, words):
+def test_bad_arguments_exit_2_with_the_way_out(monkeypatch, capsys, tmp_path, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     status, _, err = flatquad(monkeypatch, capsys, *arguments)
     assert status == 2
     assert words in " ".join(err.split())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("demos", "hoop", "--export", "file/rows.csv"),
+        ("train", "hoop", "--folder", "file/run"),
+        ("benchmark", "--out", "file/results"),
+        ("evaluate", "--pretrained", "hoop", "--out", "file/score.json"),
+        ("evaluate", "--pretrained", "hoop", "--report", "file/page.html"),
+        ("report", "--out", "file/page.html"),
+        ("paper", "--out", "file/paper.json"),
+        ("play", "--video", "file/flight.mp4"),
+        ("measure", "reference", "--out", "file/reference.json"),
+        ("measure", "environments", "batched", "--out", "file/envs.json"),
+    ],
+)
+def test_an_output_that_cannot_be_written_is_refused_before_the_work(monkeypatch, capsys, tmp_path, arguments):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    (tmp_path / "file").write_text("mine")
+    status, out, err = flatquad(monkeypatch, capsys, *arguments)
+    assert (status, out) == (1, "")
+    assert "cannot be made" in err
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert (tmp_path / "file").read_text() == "mine"
 
 
 def test_a_failure_exits_1(monkeypatch, capsys):
@@ -197,6 +238,13 @@ def test_demos_are_recorded(monkeypatch, capsys, tmp_path):
     (row,) = json.loads(out)
     assert row["dataset"] == "mine/v-v0"
     assert row["episodes"] == 2
+    status, _, err = flatquad(monkeypatch, capsys, "demos", "horizontal-3", "-n", "1", "--out", "mine/v-v0")
+    assert status == 2
+    assert "dataset 'mine/v-v0' exists, with 2 episodes: extend it (--append" in err
+    for option, episodes in (("--append", 3), ("--overwrite", 1)):
+        arguments = ("demos", "horizontal-3", "-n", "1", "--out", "mine/v-v0", option, "--json")
+        status, out, _ = flatquad(monkeypatch, capsys, *arguments)
+        assert (status, json.loads(out)[0]["episodes"]) == (0, episodes)
 
 
 def test_a_missing_extra_is_a_sentence_and_exits_1():
@@ -204,3 +252,22 @@ def test_a_missing_extra_is_a_sentence_and_exits_1():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr == "failed: typer not installed; run: pip install 'flatgym[experiments]'\n"
+
+
+def test_commands_and_their_workers_do_not_warn_of_replaced_workers():
+    warn = "import warnings; warnings.warn('A worker stopped while some jobs were given to the executor.')"
+    script = f"""
+import subprocess, sys
+from experiments.cli import app
+def warn():
+    {warn}
+    subprocess.run([sys.executable, "-c", {warn!r}], check=True)
+app.app.command("warn")(warn)
+sys.argv = ["flatquad", "warn"]
+app.main()
+"""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONWARNINGS"}
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")

@@ -116,7 +116,7 @@ def test_a_damaged_cell_is_named_moved_aside_and_repeated(folder, monkeypatch, c
         (("--policy", "mine"), "NAME=ZIP or NAME=MODULE:OBJECT"),
         (("--policy", "ppo=a:b"), "'ppo' cannot be a policy's name"),
         (("--policy", "mine=mine.zip"), "--trust"),
-        (("--only", "hop"), "unknown cells hop; known: hoop"),
+        (("--only", "hop"), "unknown cell 'hop'; known: hoop"),
     ],
 )
 def test_bad_arguments_are_named(monkeypatch, capsys, tmp_path, arguments, words):
@@ -144,6 +144,13 @@ def test_the_report_shows_the_published_results_by_default(monkeypatch, capsys, 
     status, _, err = flatquad(monkeypatch, capsys, "report", "--results", "half.json")
     assert status == 2
     assert "half.json is damaged" in err
+    assert (tmp_path / "half.json").read_text() == '{"schema": 2, "cel'
+    (tmp_path / "notes.json").write_text("[1, 2]")
+    for arguments in (("report", "--results"), ("measure", "solvers", "references", "--quick", "--out")):
+        status, _, err = flatquad(monkeypatch, capsys, *arguments, "notes.json")
+        assert status == 2
+        assert "notes.json" in err
+        assert (tmp_path / "notes.json").read_text() == "[1, 2]"
     (tmp_path / "old.json").write_text('{"schema": 1, "command": "flatquad benchmark"}')
     status, _, err = flatquad(monkeypatch, capsys, "report", "--results", "old.json")
     assert status == 2
@@ -151,6 +158,7 @@ def test_the_report_shows_the_published_results_by_default(monkeypatch, capsys, 
     status, _, err = flatquad(monkeypatch, capsys, "report", "--results", "missing.json")
     assert status == 2
     assert "there is no missing.json" in err
+    assert not list(tmp_path.glob("*.set-aside"))
 
 
 def test_results_are_merged_without_mixing_runs_of_an_agent():

@@ -33,14 +33,28 @@ def test_it_trains_and_resumes(monkeypatch, capsys, tmp_path):
     config = from_json((tmp_path / "config.json").read_text())
     assert (config.seed, config.env_steps, config.max_seconds) == (3, 16384, 1e5)
     before = (tmp_path / "model.zip").read_bytes()
+    status, _, err = flatquad(monkeypatch, capsys, *SHORT, "--seed", "3", "--folder", str(tmp_path))
+    assert status == 2
+    assert "holds model.zip and checkpoint.pt of an earlier training: continue it with --resume" in err
+    assert (tmp_path / "model.zip").read_bytes() == before
     status, out, _ = flatquad(monkeypatch, capsys, *SHORT, "--seed", "3", "--folder", str(tmp_path), "--resume")
     assert (status, json.loads(out)[0]["env_steps"]) == (0, 16384)
     assert (tmp_path / "model.zip").read_bytes() == before
 
 
+def test_resuming_without_a_checkpoint_is_refused_at_once(monkeypatch, capsys, tmp_path):
+    folder = tmp_path / "nothere"
+    status, _, err = flatquad(monkeypatch, capsys, "train", "hoop", "--resume", "--folder", str(folder))
+    assert status == 2
+    assert "checkpoint.pt does not exist: there is no training to resume; leave out --resume" in err
+    assert not folder.exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("hoop", "--resume", "--overwrite"), "give one of them"),
+        (("hoop", "--algorithm", "pp"), "did you mean 'PPO'?"),
         (("hop",), "did you mean 'hoop'"),
         (("hoop", "--algorithm", "dqn"), "known: PPO, SAC, TD3, TQC"),
         (("hoop", "--seconds", "-1"), "PPOConfig.max_seconds must be positive"),

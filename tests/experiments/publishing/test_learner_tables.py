@@ -7,8 +7,9 @@ import pytest
 
 from agents.evaluation.bootstrap import summary
 from experiments.benchmark.agents import NAMES
-from experiments.benchmark.formats import format_count, format_percent
+from experiments.benchmark.formats import format_count
 from experiments.benchmark.summary import episode_table, samples_to_target, summarise
+from experiments.formats import format_percent
 from experiments.publishing.demonstrations import demos
 from experiments.publishing.learner_figure import picture
 from experiments.publishing.learners import learners, median_samples
