@@ -74,7 +74,7 @@ def labels_along(
 def time_reversed(flight: FewestSteps) -> FewestSteps:
     """Return a flight reversed in time, from goal to start: same thrust, tilt and path; velocity and rate negated."""
     scenario = flight.scenario
-    hoops = tuple(replace(hoop, angle=hoop.angle + np.pi) for hoop in scenario.hoops[::-1])
+    hoops = tuple(replace(hoop, angle=hoop.angle - np.copysign(np.pi, hoop.angle)) for hoop in scenario.hoops[::-1])
     turned = replace(scenario, start=scenario.goal, goal=scenario.start, hoops=hoops)
     states = (flight.states - [0, 0, 0, 0, 2 * np.pi * flight.winding])[::-1] * (1, 1, -1, -1, 1)
     actions = flight.actions[::-1] * np.array([1, -1], dtype=np.float32)

@@ -183,6 +183,7 @@ class FlatQuadEnv(gym.Env[Observation, NDArray[np.float32]]):
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
+        """Keep the specification as plain data."""
         self._spec = plain_spec(spec, self.fleet.config)
 
     @property

@@ -110,6 +110,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
 
     @spec.setter
     def spec(self, spec: EnvSpec | None) -> None:
+        """Keep the specification as plain data."""
         self._spec = plain_spec(spec, self.config)
 
     @property

@@ -47,5 +47,5 @@ def test_reinforcement_learning_gives_them_back(tmp_path):
     assert set(used) == {1}
     assert torch.get_num_threads() == 3
     with pytest.raises(ValueError, match="must be a file or one of the pretrained policies"):
-        train(replace(config, policy="nothing.zip"))
+        train(replace(config, policy="nothing.zip", folder=str(tmp_path / "another")))
     assert torch.get_num_threads() == 3

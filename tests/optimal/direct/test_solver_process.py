@@ -207,7 +207,8 @@ def test_a_daemonic_child_of_a_fork_has_a_process_of_its_own():
 
 
 HANGS = """
-import sys
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in jobs in the background of a shell
 from tests.optimal.direct.test_solver_process import call, process_number, question, stuck
 print(process_number(), flush=True)
 arguments, values = question()
