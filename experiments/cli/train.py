@@ -131,7 +131,7 @@ def training_row(training: Training, config: Config, known: Reference | None) ->
 
 
 def pretrain(
-    names: Annotated[list[str], typer.Argument(metavar="NAME", help="Scenarios and distributions.")],
+    names: Annotated[list[str], typer.Argument(metavar="NAME", help="Scenarios, own files too, and distributions.")],
     seed: Annotated[int, typer.Option(help="Seed of the training.")] = 0,
     out: Annotated[
         Path | None, typer.Option(help="Folder of the policies and their cards.", show_default="that of the package")
@@ -145,7 +145,7 @@ def pretrain(
     from agents.policies.archive import PRETRAINED
     from experiments.recipes import pretraining
 
-    problems = [catalogue.problem(name).name for name in names]
+    problems = [catalogue.problem(name) for name in names]
     with progress_bar(f"finished policies are kept in {out or PRETRAINED}; name the others to go on") as bar:
         work = bar.add_task("policies", total=len(problems), note="")
 

@@ -32,7 +32,9 @@ from experiments.files import USER_RESULTS, plain, write_json
 from experiments.provenance import provenance
 from experiments.recipes.imitation import DISTRIBUTION_NETWORK
 from experiments.recipes.margins import HOOP_SHARE, robust_flight, with_hoop_share
-from flatgym import DISTRIBUTIONS, SCENARIOS
+from flatgym import DISTRIBUTIONS, Distribution, Scenario
+from flatgym.scenarios import catalogue
+from flatgym.scenarios.catalogue import Problem, ProblemLike
 from optimal.batch import fewest_steps_many
 from optimal.parallel import parallel_results
 
@@ -47,11 +49,12 @@ The second stage runs only if the first does not reach K*. Its time counts from 
 RANDOM_GOAL = DaggerConfig(
     **DISTRIBUTION_NETWORK, gradient_steps=3500, rounds=8, max_seconds=3600.0, n_eval_episodes=300
 )
-DISTRIBUTION_CONFIGS = {"random-goal": RANDOM_GOAL, "random-hoops": replace(RANDOM_GOAL, width=256, rounds=16)}
+THROUGH_HOOPS = replace(RANDOM_GOAL, width=256, rounds=16)
+DISTRIBUTION_CONFIGS = {"random-goal": RANDOM_GOAL, "random-hoops": THROUGH_HOOPS, "random-track": THROUGH_HOOPS}
 """Training configurations of the distributions."""
-N_FLIGHTS = {"random-goal": 2600, "random-hoops": 3000}
+N_FLIGHTS = {"random-goal": 2600, "random-hoops": 3000, "random-track": 1500}
 """Numbers of optimal flights to start from."""
-N_EPISODES = {"random-goal": 1000, "random-hoops": 300}
+N_EPISODES = {"random-goal": 1000, "random-hoops": 300, "random-track": 100}
 """Numbers of evaluation episodes, unseen in training and of known K*."""
 STORE = USER_RESULTS / "flights"
 """Folder of the optimal flights of sampled scenarios."""
@@ -59,35 +62,56 @@ Card = dict[str, Any]
 
 
 def pretrain(
-    names: Sequence[str], seed: int, out: Path, watch: Callable[[Point], Any] = lambda _: None
+    tasks: Sequence[ProblemLike], seed: int, out: Path, watch: Callable[[Point], Any] = lambda _: None
 ) -> Iterator[Card]:
-    """Train the policies of scenarios and distributions by name, write them, and yield their cards when done.
+    """Train the policies of scenarios and distributions, write them, and yield their cards when done.
 
     Distributions are trained one by one, on all cores; then scenarios, one on each core.
 
     Args:
-        names: of scenarios and distributions.
+        tasks: scenarios, one's own too, and distributions with a configuration.
         seed: of all trainings.
-        out: folder of policies and cards.
+        out: folder of policies and cards, which bear the labels of the tasks.
         watch: receives each validation point of a distribution's training.
+
+    Raises:
+        ValueError: for an unknown task, and for a distribution without a configuration, before any training.
     """
 
-    def arguments(name: str) -> tuple[str, int, Path, str]:
-        return name, seed, out, f"flatquad pretrain {name} --seed {seed}"
+    def arguments(task: Problem) -> tuple[str, int, Path, str]:
+        return catalogue.text(task), seed, out, f"flatquad pretrain {catalogue.label(task)} --seed {seed}"
 
-    for name in names:
-        if name in DISTRIBUTIONS:
-            yield pretrain_distribution(*arguments(name), watch=watch)
-    calls = [joblib.delayed(pretrain_scenario)(*arguments(name)) for name in names if name in SCENARIOS]
+    problems = [catalogue.problem(task) for task in tasks]
+    distributions = [problem for problem in problems if isinstance(problem, Distribution)]
+    for distribution in distributions:
+        if catalogue.label(distribution) not in DISTRIBUTION_CONFIGS:
+            known = ", ".join(DISTRIBUTION_CONFIGS)
+            raise ValueError(
+                f"no configuration for the distribution {catalogue.label(distribution)}: pretraining knows {known}, "
+                "and any scenario"
+            )
+    return _trained(problems, arguments, watch)
+
+
+def _trained(
+    problems: Sequence[Problem],
+    arguments: Callable[[Problem], tuple[str, int, Path, str]],
+    watch: Callable[[Point], Any],
+) -> Iterator[Card]:
+    for problem in problems:
+        if isinstance(problem, Distribution):
+            yield pretrain_distribution(*arguments(problem), watch=watch)
+    calls = [joblib.delayed(pretrain_scenario)(*arguments(task)) for task in problems if isinstance(task, Scenario)]
     yield from parallel_results(calls, -1, "generator_unordered")
 
 
 @torch_threads()
 def pretrain_scenario(name: str, seed: int, out: Path, command: str) -> Card:
-    """Train a policy for one scenario, write it and its card, and return the card."""
-    began = time.perf_counter()
+    """Train a policy for one scenario, by its name or JSON text, write it and its card, and return the card."""
+    began, scenario = time.perf_counter(), catalogue.scenario(name)
+    label = catalogue.label(scenario)
     stages = [(replace(config, scenario=name, seed=seed), spread) for config, spread in STAGES]
-    flight = robust_flight(SCENARIOS[name])
+    flight = robust_flight(scenario)
     best = BestPolicy(stages[0][0], target=flight.steps)
     model = untrained_policy(stages[0][0])
     for config, spread in stages:
@@ -95,9 +119,9 @@ def pretrain_scenario(name: str, seed: int, out: Path, command: str) -> Card:
             oracle = lqr_oracle([flight], start_noise=spread, action_noise=spread, seed=seed)
             model = dagger(model, oracle, config, best)
     training_s = time.perf_counter() - began
-    policies.save(model, out / f"{name}.zip", name)
+    policies.save(model, out / f"{label}.zip", name)
     score = score_row(model, name, 1, best, training_s, command)
-    return write_card(out / f"{name}.json", seed, command, [config for config, _ in stages], best.curve, score)
+    return write_card(out / f"{label}.json", seed, command, [config for config, _ in stages], best.curve, score)
 
 
 def pretrain_distribution(
@@ -127,7 +151,7 @@ def score_row(model: Any, name: str, episodes: int, best: BestPolicy, training_s
         model,
         name,
         episodes,
-        agent=name,
+        agent=catalogue.label(name),
         algorithm="DAgger",
         env_steps=best.env_steps,
         wall_time_s=round(training_s, 1),

@@ -8,6 +8,8 @@ import pytest
 from agents import policies
 from agents.imitation.dataset_aggregation import DaggerConfig
 from experiments.recipes import pretraining
+from flatgym import DISTRIBUTIONS, SCENARIOS
+from flatgym.scenarios import catalogue
 
 
 @pytest.fixture
@@ -50,3 +52,23 @@ def test_a_policy_for_a_distribution_and_its_card(brief):
     assert card["score"]["episodes"] == 3
     assert len(list((brief / "flights").glob("*.json"))) == 4
     assert len(card["curve"]) == 2
+
+
+def test_a_scenario_of_ones_own_has_a_policy_named_by_its_content(tmp_path, monkeypatch):
+    seen = []
+    monkeypatch.setattr(pretraining, "pretrain_scenario", lambda *arguments: seen.append(arguments))
+    monkeypatch.setattr(pretraining, "parallel_results", lambda calls, *_: (call[0](*call[1]) for call in calls))
+    own = replace(SCENARIOS["hoop"], goal=(5.0, 4.0))
+    assert list(pretraining.pretrain([own, "climb"], 3, tmp_path)) == [None, None]
+    assert [catalogue.scenario(name) for name, *_ in seen] == [own, SCENARIOS["climb"]]
+    assert [command for *_, command in seen] == [
+        f"flatquad pretrain hoop-{own.digest[:8]} --seed 3",
+        "flatquad pretrain climb --seed 3",
+    ]
+
+
+def test_a_distribution_without_a_configuration_is_refused_before_any_training(tmp_path):
+    own = replace(DISTRIBUTIONS["random-goal"], half_width=4.0)
+    with pytest.raises(ValueError, match=f"no configuration for the distribution random-goal-{own.digest[:8]}"):
+        pretraining.pretrain([own, "hoop"], 0, tmp_path)
+    assert list(tmp_path.iterdir()) == []
