@@ -129,22 +129,20 @@ def check_kind(path: Path) -> None:
 def run(sections: Mapping[str, Section], *, smoke: bool, command: str, bar: Progress) -> Row:
     """Run sections and return their rows with provenance; arguments as in `measure`."""
     results = provenance(command) | {"smoke": smoke, "sections": {}}
+    source = {key: results[key] for key in SOURCE}
     for name, section in sections.items():
         task: TaskID = bar.add_task(name, total=None, note="")
         begun = time.perf_counter()
         rows = section(smoke, lambda done, of, task=task: bar.update(task, completed=done, total=of))  # type: ignore[misc]
-        results["sections"][name] = {
-            "rows": rows,
-            "command": command,
-            "date": now(),
-            "commit": results["commit"],
-            "wall_time_s": time.perf_counter() - begun,
-        }
+        spent = {"date": now(), "wall_time_s": time.perf_counter() - begun}
+        results["sections"][name] = {"rows": rows, "command": command} | source | spent
     return results
 
 
-SAME = ("schema", "smoke", "versions", "machine", "processor")
+SAME = ("schema", "smoke")
 """Entries in which two results files agree if their sections may stand in one file."""
+SOURCE = ("versions", "machine", "processor", "commit")
+"""Entries that each section has of its own."""
 
 
 def join(path: Path, results: Row) -> Row:
@@ -158,10 +156,12 @@ def join(path: Path, results: Row) -> Row:
         alike = False
     if not alike:
         aside = move_aside(path)
-        reason = "is damaged, or of another schema, size, version or machine"
+        reason = "is damaged, or of another schema or size"
         print(f"{path} {reason}; moved aside to {aside.name}", file=sys.stderr)
         return results
-    return results | {"sections": before["sections"] | results["sections"]}
+    source = {key: before[key] for key in SOURCE if key in before}
+    earlier = {name: source | section for name, section in before["sections"].items()}
+    return results | {"sections": earlier | results["sections"]}
 
 
 def chosen(sections: Mapping[str, Section], names: Sequence[str]) -> dict[str, Section]:

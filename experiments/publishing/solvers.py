@@ -5,6 +5,7 @@ The environments' table is in `experiments.publishing.environments`, the paper's
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from typing import Any
 
@@ -55,9 +56,19 @@ def optimum(bound: Row, steps: Row) -> list[str]:
 
 
 def measured_by(results: dict[str, Any], sections: Iterable[str]) -> str:
-    """Return command, machine and dates of sections as a paragraph."""
-    dates = [results["sections"][name]["date"] for name in sections]
-    return paragraph(provenance_sentence(results, command="flatquad measure solvers", dates=dates))
+    """Return command, machines and dates of sections as a paragraph, one sentence for each machine."""
+    dates: dict[str, list[str]] = {}
+    for name in sections:
+        section = results["sections"][name]
+        source = {key: section.get(key, results.get(key)) for key in ("machine", "processor")}
+        dates.setdefault(json.dumps(source), []).append(section["date"])
+    command = "flatquad measure solvers"
+    return paragraph(
+        " ".join(
+            provenance_sentence({"smoke": results.get("smoke")} | json.loads(source), command=command, dates=days)
+            for source, days in dates.items()
+        )
+    )
 
 
 def methods(results: dict[str, Any]) -> str:

@@ -8,7 +8,7 @@ import pytest
 from experiments.files import SCHEMA
 from experiments.measurements import proofs
 from experiments.measurements.rockit import rockit_solver
-from experiments.measurements.sections import SAME, convergence_order, join, uniform_goal
+from experiments.measurements.sections import SAME, SOURCE, convergence_order, join, uniform_goal
 from experiments.measurements.solvers import SECTIONS
 from flatgym import SCENARIOS
 
@@ -63,6 +63,20 @@ def test_sections_join_a_file_of_the_same_kind_and_any_other_is_moved_aside(tmp_
         assert not path.exists()
         assert "moved aside" in capsys.readouterr().err
         assert len(list(tmp_path.glob("*set-aside*"))) == i + 1
+
+
+def test_joined_sections_keep_the_machine_on_which_they_ran(tmp_path):
+    path = tmp_path / "solvers.json"
+    head, rows = dict.fromkeys(SAME, 1), {"rows": []}
+    path.write_text(json.dumps(head | {"processor": "A", "sections": {"old": rows, "both": rows}}))
+    new = head | {"processor": "B", "sections": {"both": rows | {"processor": "B"}}}
+    joined = join(path, new)
+    assert {name: section["processor"] for name, section in joined["sections"].items()} == {"old": "A", "both": "B"}
+
+
+def test_each_section_states_where_it_ran(results):
+    for section in results["sections"].values():
+        assert {key: section[key] for key in SOURCE} == {key: results[key] for key in SOURCE}
 
 
 def test_starts_are_counted(results):
