@@ -7,6 +7,8 @@ gates          the usable part of each hoop, and the legs between hoops
 centre_line    a curve from the start through the gates to the goal
 outer_paths    outer paths around the centre line, for any scenario
 corridors      `corridor` for any scenario, and the corridors printed in the paper
+smoothing      a smooth motion near a flight
+around         a corridor around a flight
 """
 
 from optimal.paths.curves import BezierPath, BSplinePath, Path, PolynomialPath, Resting

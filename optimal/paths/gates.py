@@ -94,10 +94,10 @@ def _gate(scenario: Scenario, index: int, stride: float) -> Gate:
     """Return the gate of a hoop that is passed with strides of at most the given length [m]."""
     hoop, (low, high), heading = scenario.hoops[index], scenario.heights, _heading(scenario, index)
     half = hoop.half_gap(scenario.quadrotor.radius)
-    full = _overlap(hoop, half, low, high)
+    full = overlap(hoop, half, low, high)
     for _ in range(HALVINGS):
         room = 2 * stride * abs(heading[1])
-        ends = _overlap(hoop, half, low + room, high - room)
+        ends = overlap(hoop, half, low + room, high - room)
         if ends is not None and full is not None and ends[1] - ends[0] >= (full[1] - full[0]) / 2 > 0:
             centre = hoop.centre + (ends[0] + ends[1]) / 2 * hoop.across
             return Gate(centre, (ends[1] - ends[0]) / 2, hoop.across, stride * heading)
@@ -108,7 +108,7 @@ def _gate(scenario: Scenario, index: int, stride: float) -> Gate:
     )
 
 
-def _overlap(hoop: Hoop, half: float, low: float, high: float) -> tuple[float, float] | None:
+def overlap(hoop: Hoop, half: float, low: float, high: float) -> tuple[float, float] | None:
     """Return the part of a gap between two heights, as coordinates along `across`; None if it is empty."""
     slope = hoop.across[1]
     if low > high:
