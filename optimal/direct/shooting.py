@@ -48,6 +48,11 @@ class ShootingSolution:
     iterations: int
     steps: tuple[int, ...]
 
+    @property
+    def passings(self) -> Array:
+        """The times at which it passes the hoops [s], shape (hoops,)."""
+        return self.trajectory.breakpoints[np.cumsum(self.steps)[:-1]]
+
 
 def solve_from(
     scenario: Scenario, shape: Shape, winding: int, guess: Array, *, warm: bool = False, clearance: float = 0.0

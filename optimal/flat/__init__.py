@@ -6,12 +6,13 @@ bounds              proven bounds of thrust, rate and position of a flat motion
 trajectory          the motion in time: eqs. (6), (7), (9)
 limits              violation of limits in continuous time, and uniform time scaling
 problem             values: the problem, an iterate, a trust region, and the checks at which limits are imposed
-transcription       eq. (10) as a parametric nonlinear program
-program_data        its parameters and bounds
-program             one solve on a fixed grid
+program/            eq. (10) as a nonlinear program: transcription, parameters and bounds, one solve on a grid
 initial_guess       the slow start of section II-E, and the first solution
+projection          a start from any flight
 solution            the result, with its status
 refinement          mesh refinement and constraint tightening until limits hold in continuous time
 planning            `plan`: eq. (10)
 following           `follow`: eq. (8)
+moving_corridor     corridors around a flight, each around the flight found in the one before
+search              the flat method for a scenario: a start in each class of flights
 """

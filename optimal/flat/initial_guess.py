@@ -9,8 +9,8 @@ import numpy as np
 
 from optimal.flat.limits import constraint_violation
 from optimal.flat.problem import FIXED_PATH, LARGE_REGION, Iterate, PlanningProblem, shared_points, spaces
-from optimal.flat.program import SUCCESS, solve_program
-from optimal.flat.program_data import LEAST_SQUARED_SPEED
+from optimal.flat.program.parameters import LEAST_SQUARED_SPEED
+from optimal.flat.program.solver import SUCCESS, solve_program
 from optimal.flat.trajectory import FlatTrajectory
 
 INITIAL_SQUARED_SPEED = 0.05

@@ -6,7 +6,7 @@ The path is y(s) = sum p_i(s) y_i(s), p_i >= 0, sum p_i = 1, travelled with ds/d
     subject to  b > 0,  states and inputs within their limits,                              (10)
                 at rest at s = 0 and s = 1.
 
-The paper misprints the time element as ds/sqrt(s). `optimal.flat.transcription` discretises the problem and
+The paper misprints the time element as ds/sqrt(s). `optimal.flat.program.transcription` discretises the problem and
 `optimal.flat.refinement` solves it. `checks="nodes"` is the paper's discretisation, which violates limits between
 its nodes. `checks="certified"` keeps the limits in continuous time.
 """
@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from flatgym.quadrotor import Quadrotor
 from optimal.flat.initial_guess import central, motion, speed_unit
 from optimal.flat.problem import PlanningProblem
+from optimal.flat.projection import Motion
 from optimal.flat.refinement import INTERVALS, optimise
 from optimal.flat.solution import FlatSolution
 from optimal.paths.curves import Path
@@ -40,6 +41,7 @@ def plan(
     conditions: str = "explicit",
     checks: str = "certified",
     intervals: int = INTERVALS,
+    start: Motion | None = None,
 ) -> FlatSolution:
     """Return the fastest motion between outer paths, from rest to rest.
 
@@ -53,12 +55,15 @@ def plan(
         checks: "certified": limits hold in continuous time. "nodes": as published, limits hold at grid nodes only;
             the solution reports the violation between them.
         intervals: intervals of the first grid, at least 4.
+        start: a motion between the outer paths, which is projected on them; by default the slow motion along the
+            central path of section II-E. The solution has as many turns of the vehicle as its start.
 
     Returns:
         The solution. If the solve fails, its time is inf and its status gives the reason.
 
     Raises:
-        ValueError: for arguments that do not define a problem.
+        ValueError: for arguments that do not define a problem, and for a start that leaves the corridor or is a motion
+            of another system.
 
     Source: eq. (10), started as in section II-E.
     """
@@ -67,7 +72,9 @@ def plan(
         raise ValueError(f"outer_paths must be at least two paths, got {len(outer_paths)}; `follow` takes a single one")
     for i, path in enumerate(problem.outer_paths):
         require_smooth(path, problem.system.order, f"path {i}")
-    return optimise(problem, intervals)
+    if start is not None:
+        _require_system(problem, start)
+    return optimise(problem, intervals, start)
 
 
 def pose(
@@ -105,6 +112,17 @@ def pose(
     _require_rest(problem, explicit)
     _require_moving(problem)
     return replace(problem, speed_unit=speed_unit(problem))
+
+
+def _require_system(problem: PlanningProblem, start: Motion) -> None:
+    """Refuse a start that is a motion of another system."""
+    system = problem.system
+    flown = getattr(start, "system", None)
+    vehicle = getattr(start, "quadrotor", None)
+    if flown is None and vehicle is not None:
+        flown = PlanarQuadrotor(vehicle)
+    if flown is not None and flown != system:
+        raise ValueError(f"start is a motion of {flown}, but the plan is for {system}")
 
 
 def _require_rest(problem: PlanningProblem, explicit: bool) -> None:

@@ -23,8 +23,9 @@ from flatgym.quadrotor import Array
 from optimal.flat.initial_guess import first_solution, motion, slow_start
 from optimal.flat.limits import constraint_violation, interval_violations, slowed_to_limits, sped_up_to_limits
 from optimal.flat.problem import FIXED_PATH, LARGE_REGION, SMALL_REGION, Iterate, PlanningProblem, shared_points, spaces
-from optimal.flat.program import USABLE, solve_program
-from optimal.flat.program_data import LEAST_SQUARED_SPEED
+from optimal.flat.program.parameters import LEAST_SQUARED_SPEED
+from optimal.flat.program.solver import USABLE, solve_program
+from optimal.flat.projection import Motion, projected
 from optimal.flat.solution import FlatSolution, assessed
 from optimal.flat.trajectory import FlatTrajectory
 
@@ -42,24 +43,28 @@ VALUE_CAP = 10.0
 """Limited quantities are capped at this multiple of their limit when intervals are compared."""
 
 
-def optimise(problem: PlanningProblem, intervals: int) -> FlatSolution:
+def optimise(problem: PlanningProblem, intervals: int, start: Motion | None = None) -> FlatSolution:
     """Solve a planning problem.
 
     Args:
         problem: the problem.
         intervals: intervals of the first grid, at least 4.
+        start: a motion that is projected on the outer paths; None for the slow start.
 
     Raises:
-        ValueError: for fewer than 4 intervals.
+        ValueError: for fewer than 4 intervals, and a start that leaves the corridor.
     """
     if intervals < 4:
         raise ValueError(f"intervals must be at least 4, got {intervals}")
     begun = time.perf_counter()
-    slow = slow_start(problem, intervals)
+    if start is None:
+        slow = slow_start(problem, intervals)
+        iterate = first_solution(problem, slow) if problem.certified else solve_program(problem, slow)
+    else:
+        near = projected(problem, start, np.linspace(0.0, 1.0, intervals + 1))
+        iterate = solve_program(problem, near, trust_region=LARGE_REGION)
     if not problem.certified:
-        iterate = solve_program(problem, slow)
         return assessed(problem, iterate, motion(problem, iterate), begun)
-    iterate = first_solution(problem, slow)
     flight = None
     if constraint_violation(motion(problem, iterate)) <= FINE_ENOUGH:
         iterate, flight = _certified(problem, iterate)
@@ -71,7 +76,8 @@ def optimise(problem: PlanningProblem, intervals: int) -> FlatSolution:
             iterate, flight = _certified(problem, finer)
     if flight is not None:
         return assessed(problem, iterate, flight, begun)
-    return assessed(problem, iterate, _along_central_path(problem, slow), begun, optimised=False)
+    flight = _along_central_path(problem, slow) if start is None else None
+    return assessed(problem, iterate, flight, begun, optimised=False)
 
 
 def _along_central_path(problem: PlanningProblem, slow: Iterate) -> FlatTrajectory | None:

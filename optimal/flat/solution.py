@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from optimal.flat.limits import constraint_violation
 from optimal.flat.problem import Iterate, PlanningProblem
-from optimal.flat.program import SUCCESS
+from optimal.flat.program.solver import SUCCESS
 from optimal.flat.trajectory import FlatTrajectory
 
 

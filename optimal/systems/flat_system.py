@@ -147,6 +147,10 @@ class Lift:
         which, scale, _, _ = self.system.bounds
         return ca.vertcat(*self.system.symbolic_inverse(*jet))[which.tolist()] / scale
 
+    def values(self, jet: Sequence[Array]) -> Array:
+        """Return the unknowns along a motion, from its numeric jets at n increasing instants, shape (n, unknowns)."""
+        return np.zeros((len(jet[0]), 0))
+
     def least_turning_time(self, before: Symbol, after: Symbol) -> Symbol:  # noqa: ARG002
         """Return the least times [s] in which the unknowns can change between two neighbouring checks."""
         return ca.SX(0, 1)

@@ -17,6 +17,7 @@ In a program, yaw, pitch, roll and thrust are lifted unknowns; see `optimal.syst
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -127,6 +128,15 @@ class Attitude(Lift):
         yaw_rate = (jet[1][3] * ca.cos(pitch) - across[0] * ca.sin(roll)) / ca.cos(roll)
         rates = ca.vertcat(-across[1], across[0], yaw_rate) / self.quadrotor.rate_max
         return ca.vertcat(thrust / self.quadrotor.thrust_max, rates)
+
+    def values(self, jet: Sequence[Array]) -> Array:
+        """Return yaw, pitch, roll and thrust along a motion."""
+        force = jet[2][:, :3] + np.array([0.0, 0.0, self.quadrotor.gravity])
+        thrust, yaw = np.linalg.norm(force, axis=1), jet[0][:, 3]
+        ahead = (np.cos(yaw) * force[:, 0] + np.sin(yaw) * force[:, 1]) / thrust
+        left = (np.cos(yaw) * force[:, 1] - np.sin(yaw) * force[:, 0]) / thrust
+        pitch = np.unwrap(np.arctan2(ahead, force[:, 2] / thrust))
+        return np.stack([yaw, pitch, -np.arcsin(np.clip(left, -1, 1)), thrust], axis=-1)
 
     def least_turning_time(self, before: Symbol, after: Symbol) -> Symbol:
         """Return the least time in which two body rates turn the thrust direction by the chord."""

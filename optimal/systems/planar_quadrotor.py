@@ -14,6 +14,7 @@ flight satisfies.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -99,6 +100,11 @@ class TiltAndThrust(Lift):
         tilt, thrust, q = lifted[0], lifted[1], self.quadrotor
         rate = (jet[3][0] * ca.cos(tilt) - jet[3][1] * ca.sin(tilt)) / thrust
         return ca.vertcat(thrust / q.thrust_max, rate / q.rate_max)
+
+    def values(self, jet: Sequence[Array]) -> Array:
+        """Return tilt and thrust along a motion; the tilt does not jump."""
+        side, up = jet[2][:, 0], jet[2][:, 1] + self.quadrotor.gravity
+        return np.stack([np.unwrap(np.arctan2(side, up)), np.hypot(side, up)], axis=-1)
 
     def least_turning_time(self, before: Symbol, after: Symbol) -> Symbol:
         """Return the least time of the turn of the tilt, with both signs."""

@@ -16,7 +16,7 @@ from optimal.flat.initial_guess import INITIAL_SQUARED_SPEED, UNIT_STEP, motion,
 from optimal.flat.limits import constraint_violation
 from optimal.flat.planning import plan, pose
 from optimal.flat.problem import PlanningProblem
-from optimal.flat.program import SUCCESS, solve_program
+from optimal.flat.program.solver import SUCCESS, solve_program
 from optimal.flat.refinement import INTERVALS, _along_central_path
 from optimal.flat.solution import FlatSolution
 from optimal.flat.trajectory import FlatTrajectory

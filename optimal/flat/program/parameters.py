@@ -10,10 +10,12 @@ import numpy as np
 
 from flatgym.quadrotor import Array
 from optimal.flat.problem import Iterate, PlanningProblem, TrustRegion, check_points, shared_points, spaces
-from optimal.flat.transcription import QUADRATURE, check_functions
+from optimal.flat.program.transcription import QUADRATURE, check_functions
 
 LEAST_SQUARED_SPEED = 1e-3
 """The lower bound of b [speed_unit]."""
+ROUNDING = 1e-12
+"""Derivatives of outer paths below this, relative to the greatest of their order, count as rounding."""
 
 
 @lru_cache(maxsize=4)
@@ -32,13 +34,13 @@ def parameters(problem: PlanningProblem, grid: tuple[float, ...]) -> Array:
     last = [problem.outer_paths[-1](s, o) for o in orders]
     apart = [[path(s, o) - last[o] for o in orders] for path in problem.outer_paths[:-1]]
     bases = [weight_space.basis(owner, s, j) for j in orders]
-    # linear[check, order, output, coefficient, path] of the sum in the docstring of `optimal.flat.transcription`.
+    # linear[check, order, output, coefficient, path] of the sum in the docstring of `transcription`.
     linear = np.zeros((len(s), len(orders), len(system.outputs), weight_space.degree + 1, len(apart)))
     for i, difference in enumerate(apart):
         for o in orders:
             for j in range(o + 1):
                 linear[:, o, :, :, i] += math.comb(o, j) * difference[o - j][:, :, None] * bases[j][:, None, :]
-    offset = np.stack(last, axis=1)
+    linear, offset = _without_rounding(linear), _without_rounding(np.stack(last, axis=1))
     basis = problem.speed_unit * np.stack([speed_space.basis(owner, s, k) for k in range(system.order)], axis=1)
     gauss = nodes[:-1, None] + np.diff(nodes)[:, None] * (QUADRATURE[0] + 1) / 2
     every = np.arange(len(nodes) - 1)
@@ -54,15 +56,29 @@ def parameters(problem: PlanningProblem, grid: tuple[float, ...]) -> Array:
     )
 
 
-def program_bounds(problem: PlanningProblem, nodes: Array, margins: Array) -> dict[str, Any]:
+def _without_rounding(values: Array) -> Array:
+    """Return derivatives of paths with those that are 0 but for rounding set to 0.
+
+    An equation at rest that holds for any unknowns then has residual and gradient 0. With 1e-12 in place of 0 it would
+    demand large changes of the unknowns.
+
+    Args:
+        values: shape (checks, orders, outputs, ...).
+    """
+    scale = np.abs(values).max(axis=tuple({*range(values.ndim)} - {1, 2}), keepdims=True, initial=0.0)
+    return np.where(np.abs(values) <= ROUNDING * scale, 0.0, values)
+
+
+def program_bounds(problem: PlanningProblem, start: Iterate, margins: Array) -> dict[str, Any]:
     """Return the bounds of unknowns and constraints, under CasADi's names.
 
     Args:
         problem: the problem.
-        nodes: the grid, shape (N + 1,).
-        margins: tightening of the limits on each interval, see `optimal.flat.program.solve_program`.
+        start: the initial point, for its grid and the whole turns of its angles at the end.
+        margins: tightening of the limits on each interval, see `optimal.flat.program.solver.solve_program`.
     """
     system, lift, paths = problem.system, problem.system.lift(), len(problem.outer_paths)
+    nodes = start.nodes
     weight_space, speed_space = spaces(system, nodes, problem.certified)
     points = check_points(nodes, problem.certified)
     shared, fixed = len(shared_points(nodes, problem.certified)), problem.level + 1
@@ -72,8 +88,10 @@ def program_bounds(problem: PlanningProblem, nodes: Array, margins: Array) -> di
     low[-fixed:] = high[-fixed:] = problem.ends[1, :-1]
     lifted_low, lifted_high = np.tile(lift.low, (shared, 1)), np.tile(lift.high, (shared, 1))
     rest = ~np.isnan(np.array(lift.rest, dtype=np.float64))
-    for side in (0, -1):
-        lifted_low[side, rest] = lifted_high[side, rest] = np.array(lift.rest)[rest]
+    upright = np.array(lift.rest)[rest]
+    turns = np.rint((start.lifted[-1, rest] - upright) / (2 * math.pi))
+    lifted_low[0, rest] = lifted_high[0, rest] = upright
+    lifted_low[-1, rest] = lifted_high[-1, rest] = upright + 2 * math.pi * turns
     _, _, least, greatest = system.bounds
     per_check = np.repeat(margins.transpose(2, 0, 1), points.shape[1], axis=0)
     if not problem.certified:

@@ -8,8 +8,8 @@ import numpy as np
 
 from flatgym.quadrotor import Array
 from optimal.flat.problem import UNBOUNDED, Iterate, PlanningProblem, TrustRegion
-from optimal.flat.program_data import apply_trust_region, parameters, program_bounds
-from optimal.flat.transcription import parametric_program
+from optimal.flat.program.parameters import apply_trust_region, parameters, program_bounds
+from optimal.flat.program.transcription import parametric_program
 
 SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 """Return statuses of Ipopt that count as converged."""
@@ -40,7 +40,7 @@ def solve_program(
         margins = np.zeros((2, len(problem.system.bounds[0]), len(nodes) - 1))
     solver = parametric_program(problem.system, paths, len(nodes) - 1, problem.certified)
     guess = np.concatenate([start.weights.ravel(), start.squared_speed, start.lifted.ravel()])
-    bounds = program_bounds(problem, nodes, margins)
+    bounds = program_bounds(problem, start, margins)
     apply_trust_region(bounds, guess, problem, start, trust_region)
     if start.multipliers is not None:
         bounds |= zip(("lam_x0", "lam_g0"), start.multipliers, strict=True)

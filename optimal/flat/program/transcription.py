@@ -7,7 +7,7 @@ fixed, and the program is eq. (8). The path is linear in the coefficients of the
 
     y^(o)(s) = y_k^(o) + sum_i sum_j C(o, j) p_i^(j) (y_i - y_k)^(o - j).
 
-Grid, outer paths and end points are therefore numerical parameters (`optimal.flat.program_data`), and one
+Grid, outer paths and end points are therefore numerical parameters (`optimal.flat.program.parameters`), and one
 program serves all problems with the same system, number of paths and number of intervals. Building a program
 costs more than solving it. Programs are cached within a process. They are not thread-safe; use processes.
 """

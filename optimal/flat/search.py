@@ -1,0 +1,105 @@
+"""The flat method for a scenario: a start in each class of flights, and corridors that follow the best.
+
+The minimum thrust keeps flights with different turns of the tilt apart: no continuous change within the limits leads
+from one to the other. Eq. (10) therefore ends in the class of its start. The starts are the local optima of direct
+shooting on its coarse grid, the fastest of each winding. A first corridor around each of them shows which is the
+fastest in continuous time, and the corridor follows that one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from flatgym.scenarios.scenario import Scenario
+from optimal.direct.clearance import keep_clear
+from optimal.direct.multistart import AGREEMENT, coarse_multistart, distinct_optima
+from optimal.direct.shooting import ShootingSolution
+from optimal.flat.moving_corridor import CorridorStep, follow_flight
+from optimal.paths.around import turns_round
+from optimal.systems import PlanarQuadrotor
+
+MARGIN = 0.02
+"""Starts slower than the fastest by more than this, relatively, are left out: a corridor gains less."""
+MOST_STARTS = 3
+"""Most starts."""
+NARROWER = 0.8
+"""Width of the gaps at which flights turn round, as a share of the whole gap."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlatSearch:
+    """The flights of the flat method for a scenario.
+
+    Attributes:
+        steps: corridors and flights, each faster than the one before; empty if no start leads to a certified flight.
+        winding: whole turns of the tilt of its start.
+        starts: number of starts.
+        agreed: number of starts that lead to a time within AGREEMENT of the best.
+    """
+
+    steps: tuple[CorridorStep, ...] = ()
+    winding: int = 0
+    starts: int = 0
+    agreed: int = 0
+
+
+def search(
+    scenario: Scenario, windings: Sequence[int], callback: Callable[[CorridorStep], object] | None = None
+) -> FlatSearch:
+    """Return the corridors and flights that lead to the fastest flight found.
+
+    Args:
+        scenario: the scenario.
+        windings: whole turns of the tilt to try.
+        callback: called with each corridor and its flight as soon as it is found.
+
+    Raises:
+        ValueError: for no windings, and for a vehicle that is not flat.
+    """
+    PlanarQuadrotor(scenario.quadrotor)  # refuses a vehicle without gravity
+    report = callback or (lambda _: None)
+    starts = starting_flights(scenario, windings)
+    runs = [(shot, follow_flight(scenario, shot.trajectory, shot.passings)) for shot in starts]
+    first = [(step, shot, run) for shot, run in runs if (step := next(run, None)) is not None]
+    for step, _, _ in first:
+        report(step)
+    if not first:
+        return FlatSearch(starts=len(starts))
+    step, shot, run = min(first, key=lambda found: found[0].solution.time)
+    steps = [step]
+    for step in run:
+        steps.append(step)
+        report(step)
+    limit = steps[-1].solution.time * (1 + AGREEMENT)
+    agreed = 1 + sum(step.solution.time <= limit for step, other, _ in first if other is not shot)
+    return FlatSearch(tuple(steps), shot.winding, len(starts), agreed)
+
+
+def starting_flights(scenario: Scenario, windings: Sequence[int]) -> list[ShootingSolution]:
+    """Return a flight of each winding that can be the fastest, the fastest first; bodies are clear of the rims.
+
+    A flight that turns round at a hoop touches its line at one instant, and one nearby crosses it twice, on both sides.
+    Such flights are those of a scenario with narrower gaps, so that the flight nearby crosses within the gap.
+    """
+    shots = _fastest(scenario, windings)
+    if any(_turns_round(scenario, shot) for shot in shots):
+        return _fastest(scenario.with_diameters(NARROWER * hoop.diameter for hoop in scenario.hoops), windings)
+    return shots
+
+
+def _fastest(scenario: Scenario, windings: Sequence[int]) -> list[ShootingSolution]:
+    found: dict[int, ShootingSolution] = {}
+    for alike in distinct_optima(coarse_multistart(scenario, windings)):
+        shot = keep_clear(scenario, alike[0])
+        best = found.get(shot.winding)
+        if shot.converged and (best is None or shot.trajectory.duration < best.trajectory.duration):
+            found[shot.winding] = shot
+    shots = sorted(found.values(), key=lambda shot: shot.trajectory.duration)[:MOST_STARTS]
+    return [shot for shot in shots if shot.trajectory.duration <= shots[0].trajectory.duration * (1 + MARGIN)]
+
+
+def _turns_round(scenario: Scenario, shot: ShootingSolution) -> bool:
+    """Return whether a flight turns round at a hoop."""
+    pairs = zip(scenario.hoops, shot.passings, strict=True)
+    return any(turns_round(shot.trajectory(time, 1), hoop) for hoop, time in pairs)
