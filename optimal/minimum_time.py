@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,7 +33,7 @@ MAX_GAP, TIME_BUDGET = 1e-3, 5.0
 """Largest relative gap between flight time and lower bound that the proof aims at, and its time limit [s]."""
 METHODS: dict[str, dict[str, Any]] = {
     "shooting": {"windings": WINDINGS, "starts": STARTS, "seed": 0, "nodes": NODES},
-    "flat": {"checks": "certified", "intervals": None},
+    "flat": {"windings": WINDINGS, "corridor": None, "checks": "certified", "intervals": None, "callback": None},
     "pontryagin": {"windings": WINDINGS},
 }
 """The methods, each with its options and their defaults."""
@@ -59,6 +59,8 @@ class Candidate:
         reason: the obstacle, or the method's own message; reported without a flight only.
         shot: the flight with its costates; shooting only.
         hamiltonian_drift: as in the certificate, if the method itself computes it.
+        start: what the method started from, in words; flat only.
+        corridors: the corridors that led to the flight, and the flights in them; flat only.
     """
 
     flight: Flight | None
@@ -70,6 +72,8 @@ class Candidate:
     reason: str = ""
     shot: ShootingSolution | None = None
     hamiltonian_drift: float = math.inf
+    start: str = ""
+    corridors: tuple[Any, ...] = ()
 
 
 def solve(
@@ -80,8 +84,10 @@ def solve(
     starts: int = STARTS,
     seed: int = 0,
     nodes: int = NODES,
+    corridor: str | None = None,
     checks: str = "certified",
     intervals: int | None = None,
+    callback: Callable[[Any], object] | None = None,
     max_gap: float | None = MAX_GAP,
     time_budget: float = TIME_BUDGET,
     raise_on_failure: bool = True,
@@ -90,16 +96,21 @@ def solve(
 
     Args:
         problem: a scenario or its name.
-        method: "shooting" (direct multiple shooting with the exact step), "flat" (the paper's eq. (10), between the
-            paper's outer paths where it prints them, else automatic ones) or "pontryagin" (the indirect method of the
-            paper's reference [8]; no hoops, floor or ceiling).
-        windings: whole turns of the tilt to try; shooting and pontryagin only.
+        method: "shooting" (direct multiple shooting with the exact step), "flat" (the paper's eq. (10), in
+            corridors of outer paths) or "pontryagin" (the indirect method of the paper's reference [8]; no hoops, floor
+            or ceiling).
+        windings: whole turns of the tilt to try.
         starts: starts for each winding, the first from the default guess, the others random, and twice as many where
             none converges; shooting only.
         seed: seed of the random guesses.
         nodes: steps of the whole flight; shooting only.
-        checks: "certified", or "nodes" for the flat method as published; flat only.
-        intervals: intervals of the flat functions on the first grid, None for the default of `plan`; flat only.
+        corridor: "flight": corridors around a flight, first one of coarse shooting, then the one found in the corridor
+            before; "fixed": the paper's outer paths where it prints them, else automatic ones, from the paper's slow
+            start (section II-E). By default "flight", and "fixed" with checks="nodes" or intervals; flat only.
+        checks: "certified", or "nodes" for limits at grid nodes only, as published, in a fixed corridor; flat only.
+        intervals: intervals of the first grid in a fixed corridor, None for the default of `plan`; flat only.
+        callback: called with each corridor around a flight and the flight found in it, a
+            `optimal.flat.moving_corridor.CorridorStep`; flat only.
         max_gap: relative gap that the proven lower bound aims at; None leaves the projection bound.
         time_budget: time limit of the proof [s], after which the bound proven by then is returned. It ends between two
             evaluations of the bound; one takes up to 20 s with sixteen hoops. It does not limit the search for the
@@ -114,10 +125,11 @@ def solve(
     task = scenario(problem)
     choice("method", method, METHODS)
     given = {
-        "windings": tuple(windings), "starts": starts, "seed": seed, "nodes": nodes, "checks": checks,
-        "intervals": intervals,
+        "windings": tuple(windings), "starts": starts, "seed": seed, "nodes": nodes, "corridor": corridor,
+        "checks": checks, "intervals": intervals, "callback": callback,
     }  # fmt: skip
     _require_options(method, given)
+    around_flight = _around_flight(corridor, checks, intervals)
     if max_gap is not None:
         # Imported here, because it needs numba, which takes longer to import than everything else.
         from optimal.proof.lower_bound import require_positive
@@ -126,8 +138,10 @@ def solve(
     begun = time.perf_counter()
     with lost_calls() as lost:
         try:
-            if method == "flat":
-                candidate = _flat(task, checks, intervals)
+            if method == "flat" and around_flight:
+                candidate = _flat(task, windings, callback)
+            elif method == "flat":
+                candidate = _flat_in_fixed_corridor(task, checks, intervals)
             elif method == "pontryagin":
                 candidate = _pontryagin(task, windings)
             else:
@@ -160,6 +174,8 @@ def solve(
         starts=candidate.starts,
         agreed=candidate.agreed,
         reason=" ".join(filter(None, [known, str(lost)])),
+        start=candidate.start,
+        corridors=candidate.corridors,
     )
     if raise_on_failure and not math.isfinite(duration):
         raise SolveFailed(task, solution)
@@ -176,6 +192,18 @@ def _require_options(method: str, given: dict[str, Any]) -> None:
                 f"{name}={value!r} is an option of {' and '.join(takers)}; method {method!r} takes {taken}: leave "
                 f"{name} out, or use another method"
             )
+
+
+def _around_flight(corridor: str | None, checks: str, intervals: int | None) -> bool:
+    """Return whether the flat method lays corridors around flights; refuse options of fixed corridors with them."""
+    as_published = checks != "certified" or intervals is not None
+    if corridor not in (None, "flight", "fixed"):
+        raise ValueError(f'corridor must be "flight" or "fixed", got {corridor!r}')
+    if corridor == "flight" and as_published:
+        raise ValueError(
+            f"checks={checks!r} and intervals={intervals!r} are options of corridor='fixed': leave them out, or use it"
+        )
+    return corridor == "flight" or (corridor is None and not as_published)
 
 
 def _certified(task: Scenario, candidate: Candidate) -> tuple[Candidate, Certificate]:
@@ -198,11 +226,18 @@ def _lower_bound(task: Scenario, shot: ShootingSolution | None, max_gap: float, 
     return prove_near(distinct_hoops(task, shared=False), shot, max_gap=max_gap, time_budget=time_budget).time
 
 
-def _shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int, nodes: int) -> Candidate:
+def _obstacle(task: Scenario) -> Candidate | None:
+    """Return the answer for a scenario that has no flight, or none that can be searched; None for the others."""
     if reason := infeasibility_proof(task):
         return Candidate(None, Status.INFEASIBLE, reason=reason)
     if reason := beyond_horizon(task):
         return Candidate(None, Status.NOT_CONVERGED, reason=reason)
+    return None
+
+
+def _shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int, nodes: int) -> Candidate:
+    if obstacle := _obstacle(task):
+        return obstacle
     found = search(distinct_hoops(task), windings=windings, starts=starts, seed=seed, nodes=nodes)
     nothing = Candidate(
         None, Status.NOT_CONVERGED, iterations=found.iterations, starts=found.starts, agreed=found.agreed
@@ -217,7 +252,31 @@ def _shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int, n
 # The two other methods need SciPy, which takes longer to import than everything else here.
 
 
-def _flat(task: Scenario, checks: str, intervals: int | None) -> Candidate:
+def _flat(task: Scenario, windings: Sequence[int], callback: Callable[[Any], object] | None) -> Candidate:
+    from optimal.flat.search import search as search_corridors
+
+    if obstacle := _obstacle(task):
+        return obstacle
+    found = search_corridors(distinct_hoops(task), windings, callback)
+    if not found.steps:
+        reason = infeasibility_suspect(task)
+        if found.starts:
+            reason = f"no certified flight was found in the corridors around {found.starts} coarse flights of shooting."
+        return Candidate(None, Status.NOT_CONVERGED, starts=found.starts, reason=reason)
+    last = found.steps[-1].solution
+    return Candidate(
+        last.trajectory,
+        Status.LOCALLY_OPTIMAL if last.optimised else Status.CERTIFIED,
+        winding=found.winding,
+        iterations=sum(step.solution.iterations for step in found.steps),
+        starts=found.starts,
+        agreed=found.agreed,
+        start=f"a flight of shooting on the coarse grid, winding {found.winding}",
+        corridors=found.steps,
+    )
+
+
+def _flat_in_fixed_corridor(task: Scenario, checks: str, intervals: int | None) -> Candidate:
     from optimal.flat.planning import plan
     from optimal.flat.refinement import INTERVALS
     from optimal.paths.corridors import corridor, is_printed, paper_corridor
@@ -240,6 +299,7 @@ def _flat(task: Scenario, checks: str, intervals: int | None) -> Candidate:
         starts=1,
         agreed=int(found.converged),
         reason=found.status,
+        start="the slow motion along the central path",
     )
 
 

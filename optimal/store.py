@@ -97,7 +97,9 @@ def encoded(answer: Answer) -> str:
         TypeError: for values without a plain form, such as the trajectories of the flat method.
     """
     kind = type(answer).__name__
-    values = {field.name: _plain(getattr(answer, field.name)) for field in fields(answer)}
+    # Corridors belong to the trajectories of the flat method, which have no plain form either.
+    names = [field.name for field in fields(answer) if field.name != "corridors"]
+    values = {name: _plain(getattr(answer, name)) for name in names}
     body = {"kind": kind, "answer": values}
     head = {"schema": SCHEMA, "version": flatgym.__version__, "sha256": _checksum(body)}
     return json.dumps(head | body, allow_nan=False) + "\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,6 +17,9 @@ from flatgym.validation import positive
 from optimal.flights.export import FORMATS
 from optimal.store import Store
 
+if TYPE_CHECKING:
+    from optimal.flat.moving_corridor import CorridorStep
+
 EXAMPLES = "Example: flatquad solve hoop --out hoop.csv; flatquad solve hoop --steps --out held.csv"
 DT = 0.01
 """Default time between the rows of a sampled flight [s]."""
@@ -28,6 +31,13 @@ def solve(
     limits: Annotated[
         str, typer.Option(help="For flat only: certified, or nodes: at grid nodes only, as published.")
     ] = "certified",
+    corridor: Annotated[
+        str | None,
+        typer.Option(
+            help="For flat only: flight, corridors around a flight; or fixed, the paper's outer paths and start.",
+            show_default="flight; fixed with limits at nodes",
+        ),
+    ] = None,
     steps: Annotated[bool, typer.Option("--steps", help="Also find K*, the fewest environment steps.")] = False,
     out: Annotated[
         Path | None,
@@ -54,8 +64,15 @@ def solve(
     if out is not None:
         check_output(out, FORMATS)
     with progress_bar() as bar:
-        bar.add_task(f"solving {scenario}", total=None, note="")
-        solution = optimal.solve(task, method=method, checks=limits, max_gap=gap, time_budget=proof_time)
+        progress = bar.add_task(f"solving {scenario}", total=None, note="")
+
+        def show(step: CorridorStep) -> None:
+            bar.update(progress, note=f"T = {step.solution.time:.4f} s")
+
+        solution = optimal.solve(
+            task, method, corridor=corridor, checks=limits, callback=show if method == "flat" else None, max_gap=gap,
+            time_budget=proof_time,
+        )  # fmt: skip
         row = solution.row()
         if steps:
             fewest = optimal.fewest_steps(task, time_budget=proof_time)

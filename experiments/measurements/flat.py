@@ -22,7 +22,7 @@ from flatgym.quadrotor import Array
 from optimal.flat.following import follow
 from optimal.flat.initial_guess import motion, slow_start
 from optimal.flat.planning import plan, pose
-from optimal.flat.program import solve_program
+from optimal.flat.program.solver import solve_program
 from optimal.flat.refinement import INTERVALS
 from optimal.flat.solution import FlatSolution
 from optimal.flat.trajectory import FlatTrajectory

@@ -13,7 +13,7 @@ import numpy as np
 
 import optimal
 from experiments.files import Row
-from experiments.measurements import batches, broken_flights, fewest_steps, flat, proofs, tracks
+from experiments.measurements import batches, broken_flights, fewest_steps, flat, moving_corridors, proofs, tracks
 from experiments.measurements.rockit import rockit_solver
 from experiments.measurements.sections import (
     REFERENCE_TIMES,
@@ -133,6 +133,8 @@ SECTIONS: dict[str, Section] = {
     "flat": flat.flat,
     "flat_orders": flat.flat_orders,
     "corridors": flat.corridors,
+    "flat_flights": moving_corridors.flat_flights,
+    "flat_draws": moving_corridors.flat_draws,
     "pontryagin": flat.pontryagin,
     "systems": flat.systems,
     "batch": batches.batch,

@@ -31,7 +31,7 @@ def compare(name: str) -> dict[str, Any]:
     """
     # The lower bound does not depend on the method: it is proven once, with the last solve.
     nodes = optimal.solve(name, method="flat", checks="nodes", max_gap=None, raise_on_failure=False)
-    flat = optimal.solve(name, method="flat", max_gap=None, raise_on_failure=False)
+    flat = optimal.solve(name, method="flat", corridor="fixed", max_gap=None, raise_on_failure=False)
     shooting = optimal.solve(name, max_gap=MAX_GAP, time_budget=TIME_BUDGET, raise_on_failure=False)
     return {
         "scenario": name,

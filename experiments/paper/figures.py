@@ -49,7 +49,8 @@ def solved(name: str, method: str) -> Solution:
     Raises:
         SolveFailed: if the method finds no certified flight.
     """
-    return optimal.solve(name, method=method)
+    # The figures show the paper's own outer paths.
+    return optimal.solve(name, method=method, corridor="fixed" if method == "flat" else None)
 
 
 def track(name: str, method: str = "flat", words: str = "") -> Track:

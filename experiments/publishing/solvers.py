@@ -117,6 +117,34 @@ def flat_lines(rows: dict[str, list[Row]]) -> list[list[str]]:
             "automatic corridors above T*: hoop, high-hoop, slalom",
             ", ".join(percent(row["above_best"]) + ("" if row["optimised"] else " (not optimised)") for row in bends),
         ],
+        *corridor_lines(rows),
+    ]
+
+
+def corridor_lines(rows: dict[str, list[Row]]) -> list[list[str]]:
+    """Return how close to T* the flat method comes in corridors around flights; none if it is not measured."""
+    if "flat_flights" not in rows:
+        return []
+    named, draws = rows["flat_flights"], rows["flat_draws"]
+    worst = max(named, key=lambda row: row["above_best"])
+    longest = max(row["solve_time_s"] - row["start_s"] for row in named)
+    return [
+        [
+            "flat method in corridors around flights: named scenarios certified, largest above T*",
+            f"{sum(row['certified'] for row in named)} of {len(named)}, {percent(worst['above_best'], 2)}",
+        ],
+        [
+            "its time without the start, warm, largest [s]",
+            f"{longest:.1f}",
+        ],
+        *[
+            [
+                f"the same, {row['kind']}: certified, median and largest above T*",
+                f"{row['certified']} of {row['scenarios']}, {percent(row['above_best_median'], 2)}, "
+                f"{percent(row['above_best_largest'], 2)}",
+            ]
+            for row in draws
+        ],
     ]
 
 

@@ -86,7 +86,7 @@ print(f"{len(proof.excluded)} branches, {proof.wall_time:.1f} s; recomputed: {pr
 # "shooting" is direct. "flat" is the paper's method: it optimises flat outputs between outer paths. "pontryagin" is
 # indirect: it solves the conditions of the maximum principle. They share no transcription, and their agreement is
 # evidence for all of them. Pontryagin's method has no hoops, therefore all three are compared in open air. The flat
-# method is confined to its corridor, which costs a little time, and more through the hoop.
+# method lays its corridors around a flight, each around the flight found in the one before.
 
 # %%
 runs = [(open_air, method) for method in ("shooting", "flat", "pontryagin")]

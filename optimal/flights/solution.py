@@ -75,6 +75,8 @@ class Solution:
         agreed: number of starts that ended within 1e-4 of the best time.
         reason: without a flight time, the obstacle; in any case the number of the solver's calls that did not return;
             else empty.
+        start: what the flat method started from, in words.
+        corridors: the corridors that led to the flight of the flat method, each with the flight in it.
     """
 
     scenario: Scenario
@@ -89,6 +91,8 @@ class Solution:
     starts: int
     agreed: int
     reason: str = ""
+    start: str = ""
+    corridors: tuple[Any, ...] = ()
 
     @property
     def solved(self) -> bool:

@@ -66,6 +66,20 @@ def test_limits_at_nodes_only_do_not_count_as_solved():
     assert lie.certificate.max_control_violation > 1
 
 
+def test_the_corridors_of_the_flat_method_are_kept_and_their_times_fall():
+    seen = []
+    solution = optimal.solve("climb", method="flat", max_gap=None, callback=seen.append)
+    times = [step.solution.time for step in solution.corridors]
+    assert times == sorted(times, reverse=True)
+    assert solution.time == times[-1]
+    assert set(solution.corridors) <= set(seen)
+    assert abs(solution.winding) == 1
+    assert solution.start == f"a flight of shooting on the coarse grid, winding {solution.winding}"
+    fixed = optimal.solve("horizontal-3", method="flat", corridor="fixed", max_gap=None)
+    assert fixed.start == "the slow motion along the central path"
+    assert fixed.corridors == ()
+
+
 def test_certified_locally_optimal_and_proven_are_three_statuses():
     proven, free = (optimal.solve("horizontal-3", max_gap=gap) for gap in (5e-4, None))
     assert (proven.status, free.status) == (Status.OPTIMAL, Status.LOCALLY_OPTIMAL)
@@ -98,7 +112,14 @@ def test_a_wide_gap_is_never_called_optimal():
         ("shooting", {"intervals": 16}, "intervals=16 is an option of flat"),
         ("pontryagin", {"nodes": 50}, "nodes=50 is an option of shooting; method 'pontryagin' takes windings"),
         ("pontryagin", {"checks": "nodes"}, "checks='nodes' is an option of flat"),
-        ("flat", {"windings": (0,)}, "windings=(0,) is an option of shooting and pontryagin; method 'flat' takes"),
+        ("shooting", {"corridor": "fixed"}, "corridor='fixed' is an option of flat"),
+        ("flat", {"corridor": "wide"}, 'corridor must be "flight" or "fixed", got \'wide\''),
+        (
+            "flat",
+            {"corridor": "flight", "checks": "nodes"},
+            "checks='nodes' and intervals=None are options of corridor",
+        ),
+        ("flat", {"corridor": "flight", "intervals": 16}, "and intervals=16 are options of corridor='fixed'"),
         ("flat", {"starts": 5}, "starts=5 is an option of shooting"),
         ("flat", {"seed": 1}, "seed=1 is an option of shooting"),
     ],
@@ -118,12 +139,12 @@ def test_a_gap_or_budget_that_is_not_positive_is_refused_before_the_solve(monkey
 
 
 def test_the_reason_of_a_missing_certificate_names_what_does_not_hold(monkeypatch):
-    found = minimum_time._flat(SCENARIOS["horizontal-3"], "nodes", None)
+    found = minimum_time._flat_in_fixed_corridor(SCENARIOS["horizontal-3"], "nodes", None)
     assert found.reason.startswith("Limits hold at grid nodes only")
     for claim in ("Solved: limits hold", ""):
         claimed = replace(found, status=Status.LOCALLY_OPTIMAL, reason=claim)
-        monkeypatch.setattr(minimum_time, "_flat", lambda *_, claimed=claimed: claimed)
-        solution = optimal.solve("horizontal-3", "flat", raise_on_failure=False)
+        monkeypatch.setattr(minimum_time, "_flat_in_fixed_corridor", lambda *_, claimed=claimed: claimed)
+        solution = optimal.solve("horizontal-3", "flat", corridor="fixed", raise_on_failure=False)
         assert solution.status is Status.NOT_CERTIFIED
         assert re.match(r"The certificate does not hold: max_control_violation = \S+, at most 1e-09", solution.reason)
         assert solution.headline == Status.NOT_CERTIFIED.value
@@ -191,7 +212,7 @@ def test_shooting_and_the_indirect_method_agree():
 
 def test_a_scenario_outside_the_paper_gets_an_automatic_corridor():
     task = replace(SCENARIOS["horizontal-3"], hoops=(Hoop(1.5, 0.3, 0.8, 0.2),))
-    flat, shooting = optimal.solve(task, method="flat"), optimal.solve(task)
+    flat, shooting = optimal.solve(task, method="flat", corridor="fixed"), optimal.solve(task)
     assert flat.solved or flat.status is Status.CERTIFIED
     assert flat.certificate.holds()
     assert flat.time >= shooting.time * (1 - 1e-4)
