@@ -40,7 +40,7 @@ def flat_flights(quick: bool, advance: Advance) -> list[Row]:
 
 def flat_draws(quick: bool, advance: Advance) -> list[Row]:
     """How often is the flat method certified, and how far above T*, on samples and beside the vertical?"""
-    names, count = (("random-goal",), 1) if quick else (("random-goal", "random-hoops", "random-track"), DRAWS)
+    names, count = (("random-goal",), 1) if quick else (("random-goal", "random-hoops"), DRAWS)
     kinds = {name: [DISTRIBUTIONS[name].scenario(i) for i in range(count)] for name in names}
     if not quick:
         climb, steep = scenario("climb"), [(side, height) for height in (5.0, -5.0) for side in STEEP]

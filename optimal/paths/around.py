@@ -32,7 +32,7 @@ KNOT_SPACING, LEAST_POINTS, DEGREE = 0.03, 16, 5
 """Time between knots of an outer path [s], its least number of control points, and its degree."""
 SAMPLES = 8
 """Points of the fit for each control point."""
-SLOW = 0.05
+SLOW = 0.005
 """Share of the greatest speed below which a direction of flight is interpolated between its neighbours."""
 NEWTON_STEPS = 4
 """Newton steps from a crossing of the replay to one of the flight."""
