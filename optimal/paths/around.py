@@ -67,6 +67,7 @@ def corridor_around(motion: SmoothMotion, scenario: Scenario, passings: Array, w
     count = max(LEAST_POINTS, math.ceil(motion.duration / KNOT_SPACING) + DEGREE)
     s = np.linspace(0.0, 1.0, SAMPLES * count)
     centre, angle = motion(s * motion.duration), _headings(motion, s) + math.pi / 2
+    centre[0], centre[-1] = scenario.start, scenario.goal  # to the last digit; a coarse flight ends within 1e-8
     rooms = np.full((2, len(s)), width)
     fixed: tuple[list[Fixed], list[Fixed]] = ([], [])
     for i, hoop in enumerate(scenario.hoops):
