@@ -160,7 +160,9 @@ def join(path: Path, results: Row) -> Row:
         print(f"{path} {reason}; moved aside to {aside.name}", file=sys.stderr)
         return results
     source = {key: before[key] for key in SOURCE if key in before}
-    earlier = {name: source | section for name, section in before["sections"].items()}
+    # Sections of older files have no machine of their own; the entries of the file are theirs.
+    sections = before["sections"].items()
+    earlier = {name: section if "machine" in section else source | section for name, section in sections}
     return results | {"sections": earlier | results["sections"]}
 
 

@@ -60,7 +60,8 @@ def measured_by(results: dict[str, Any], sections: Iterable[str]) -> str:
     dates: dict[str, list[str]] = {}
     for name in sections:
         section = results["sections"][name]
-        source = {key: section.get(key, results.get(key)) for key in ("machine", "processor")}
+        holder = section if "machine" in section else results
+        source = {key: holder[key] for key in ("machine", "processor") if key in holder}
         dates.setdefault(json.dumps(source), []).append(section["date"])
     command = "flatquad measure solvers"
     return paragraph(

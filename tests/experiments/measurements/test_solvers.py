@@ -68,10 +68,13 @@ def test_sections_join_a_file_of_the_same_kind_and_any_other_is_moved_aside(tmp_
 def test_joined_sections_keep_the_machine_on_which_they_ran(tmp_path):
     path = tmp_path / "solvers.json"
     head, rows = dict.fromkeys(SAME, 1), {"rows": []}
-    path.write_text(json.dumps(head | {"processor": "A", "sections": {"old": rows, "both": rows}}))
-    new = head | {"processor": "B", "sections": {"both": rows | {"processor": "B"}}}
-    joined = join(path, new)
-    assert {name: section["processor"] for name, section in joined["sections"].items()} == {"old": "A", "both": "B"}
+    own = {"machine": {"cores": 2}, "processor": "B"}
+    path.write_text(json.dumps(head | {"machine": {"cores": 4}, "sections": {"old": rows, "both": rows}}))
+    for section in ("both", "new"):  # the head of the file becomes that of the last run
+        path.write_text(json.dumps(join(path, head | own | {"sections": {section: rows | own}})))
+    sections = json.loads(path.read_text())["sections"]
+    cores = {name: (section["machine"]["cores"], section.get("processor")) for name, section in sections.items()}
+    assert cores == {"old": (4, None), "both": (2, "B"), "new": (2, "B")}
 
 
 def test_each_section_states_where_it_ran(results):
