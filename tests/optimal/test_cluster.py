@@ -79,14 +79,15 @@ def test_a_lost_machine_loses_nothing_and_answers_are_those_of_one_machine(tmp_p
 
 
 def python(script, *arguments):
-    """Run a script with Ray in a process of its own, and return the JSON of the line that begins with answers."""
+    """Run a script with Ray in a process of its own, and return the JSON that it prints after the word answers."""
     settings = {key: value for key, value in os.environ.items() if key != "RAY_ADDRESS"} | SETTINGS
     run = subprocess.run(
         [sys.executable, "-c", script, *arguments], env=settings, capture_output=True, text=True, timeout=120
     )
     assert run.returncode == 0, run.stderr
-    (line,) = [line for line in run.stdout.splitlines() if line.startswith("answers ")]  # Ray prints too
-    return json.loads(line.removeprefix("answers "))
+    _, found, answers = run.stdout.partition("answers ")  # Ray prints too, also into the same line
+    assert found, run.stdout
+    return json.JSONDecoder().raw_decode(answers)[0]
 
 
 @pytest.mark.parametrize("form", ["127.0.0.1:{}", "ray://127.0.0.1:{}", "localhost:{}"])
