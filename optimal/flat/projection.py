@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import make_interp_spline
 
 from flatgym.quadrotor import Array
 from optimal.flat.initial_guess import central, motion
@@ -75,11 +75,11 @@ def projected(problem: PlanningProblem, flight: Motion, nodes: Array) -> Iterate
     slowness = make_interp_spline(s, times, k=5).derivative()(s)
     slowness = np.clip(slowness, 0.1 * flight.duration, 10 * flight.duration)
     weight_space, speed_space = spaces(problem.system, nodes, problem.certified)
-    coefficients = np.clip(_fitted(s, weights, weight_space.knots, weight_space.degree), 0, 1)[:, :-1]
+    coefficients = np.clip(weight_space.nearest(s, weights), 0, 1)[:, :-1]
     fixed = problem.level + 1
     coefficients[:fixed], coefficients[-fixed:] = problem.ends[0, :-1], problem.ends[1, :-1]
     squared = slowness**-2.0 / problem.speed_unit
-    speed = np.maximum(_fitted(s, squared, speed_space.knots, speed_space.degree), LEAST_SQUARED_SPEED)
+    speed = np.maximum(speed_space.nearest(s, squared), LEAST_SQUARED_SPEED)
     every = shared_points(nodes, problem.certified)
     lift = problem.system.lift()
     start = Iterate(nodes, coefficients, speed, np.tile(lift.guess, (len(every), 1)))
@@ -154,9 +154,3 @@ def _hull_weights(points: Array, outer: Array) -> Array:
     inverse = np.linalg.pinv(np.swapaxes(outer[..., :-1, :] - outer[..., -1:, :], -1, -2))
     first = np.einsum("...ki,...i->...k", inverse, points - outer[..., -1, :])
     return np.concatenate([first, 1 - first.sum(axis=-1, keepdims=True)], axis=-1)
-
-
-def _fitted(s: Array, values: Array, knots: Array, degree: int) -> Array:
-    """Return the coefficients of the spline nearest to values at path coordinates."""
-    matrix = BSpline.design_matrix(s, knots, degree).toarray()
-    return np.asarray(np.linalg.lstsq(matrix, values, rcond=None)[0])

@@ -78,5 +78,9 @@ class SplineSpace:
         """Return the coefficients of the least-squares fit to a spline. The fit is exact on nested grids."""
         share = (np.arange(self.degree + 3) + 0.5) / (self.degree + 3)
         s = np.concatenate([[0.0], (self.nodes[:-1, None] + np.diff(self.nodes)[:, None] * share).ravel(), [1.0]])
+        return self.nearest(s, spline(s))
+
+    def nearest(self, s: Array, values: Array) -> Array:
+        """Return the coefficients of the least-squares fit to values (n, ...) at path coordinates (n,)."""
         matrix = BSpline.design_matrix(s, self.knots, self.degree).toarray()
-        return np.linalg.lstsq(matrix, spline(s), rcond=None)[0]
+        return np.asarray(np.linalg.lstsq(matrix, values, rcond=None)[0])
