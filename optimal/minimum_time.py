@@ -259,9 +259,10 @@ def _flat(task: Scenario, windings: Sequence[int], callback: Callable[[Any], obj
         return obstacle
     found = search_corridors(distinct_hoops(task), windings, callback)
     if not found.steps:
-        reason = infeasibility_suspect(task)
         if found.starts:
             reason = f"no certified flight was found in the corridors around {found.starts} coarse flights of shooting."
+        else:
+            reason = infeasibility_suspect(task)
         return Candidate(None, Status.NOT_CONVERGED, starts=found.starts, reason=reason)
     last = found.steps[-1].solution
     return Candidate(
