@@ -49,7 +49,7 @@ class BranchBound(NamedTuple):
         value: F there; a negative value excludes the branch.
         stages: the stages found.
         passing: what they leave of the passing times.
-        parts: the branches into which it is best split.
+        parts: the branches into which it is best split; none if there was no time for an evaluation.
         obstacle: the chain that stands in the way of excluding it.
     """
 
@@ -87,7 +87,7 @@ class BranchAndBound:
     Args:
         multipliers: initial multipliers.
         active: the hoops that matter to the fastest known flight. The others are first ignored.
-        deadline: when to stop, on the clock of `time.monotonic` [s].
+        deadline: when to stop, on the clock of `time.monotonic` [s]. It may be set anew for each duration.
 
     Attributes:
         obstacles: after a deadline, the chains of the branches that are not excluded, the hardest branch first.
@@ -121,7 +121,8 @@ class BranchAndBound:
             known = self._known.get(winding, [Candidate(Branch(winding), root.candidate.multipliers)])
             untried += [(candidate, common) for candidate in known]
         while untried or queue:
-            if time.monotonic() > self.deadline:
+            hopeless = not untried and not queue[0][2].parts
+            if hopeless or time.monotonic() > self.deadline:
                 self.obstacles = tuple(bound.obstacle for *_, bound in sorted(queue) if bound.obstacle)
                 return None
             if not untried:

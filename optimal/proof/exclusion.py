@@ -125,10 +125,13 @@ class Exclusion:
         return Obstacle(passing, tilts) if (np.diff(passing, prepend=0.0) > 0).all() else None
 
     def split(self) -> list[Branch]:
-        """Return two parts of the branch, split by the quantity on which the chains of the last grid disagree most."""
+        """Return two parts of the branch, split by the quantity on which the chains of the last grid disagree most.
+
+        There are none if the deadline passed before the first evaluation.
+        """
         branch, vehicle = self.branch, self.problem.scenario.quadrotor
-        if self._separation is None:  # the deadline passed before the first evaluation
-            return [branch]
+        if self._separation is None:
+            return []
         hoops = self._chain_hoops
         middle, spread = self._separation.middle, self._separation.spread.copy()
         spread[: len(hoops)] *= self.problem.duration * vehicle.rate_max  # as angles

@@ -2,8 +2,9 @@
 
 A time T is excluded if every flight of duration T belongs to an excluded branch (`optimal.proof.branch_and_bound`). All
 shorter times are then excluded too, because a flight could hover first. The first T is well below the time of the
-fastest known flight. The gap to that time is then halved repeatedly, so that any time budget ends with a proof. The
-initial multipliers are the costates of the fastest known flight.
+fastest known flight. The gap to that time is then divided by GAP_STEP repeatedly, so that any time budget ends with a
+proof. A T that cannot be excluded in most of the time left gives way to one between it and the bound. The initial
+multipliers are the costates of the fastest known flight.
 """
 
 from __future__ import annotations
@@ -35,6 +36,9 @@ MAX_GAP, TIME_BUDGET = 1e-3, 60.0
 """Requested relative gap between the bound and the fastest known flight, and wall time allowed for it [s]."""
 LARGEST_GAP, GAP_STEP = 10.0, 8.0
 """Upper limit of the first gap of a proof, where the projection bound gives none, and ratio of consecutive gaps."""
+SHARE, LEAST_GAP_STEP = 2 / 3, 1.5
+"""Share of the time left in which a duration must be excluded, before one between it and the bound is tried, and least
+ratio of their gaps for that."""
 
 OBSTACLES = 3
 """Most obstacles near which a faster flight is searched."""
@@ -223,7 +227,7 @@ def raise_bound(
     flown: float | None = None,
     steps: int = 0,
 ) -> Proof:
-    """Exclude durations in increasing order, until one cannot be excluded within the budget.
+    """Exclude durations in increasing order, and durations below the first that takes too long, within the budget.
 
     Args:
         target: the task.
@@ -240,17 +244,30 @@ def raise_bound(
     search_tree = BranchAndBound(multipliers(target, shot, kinks), active_hoops(shot), begun + budget)
     simple, flown = projection_bound(target, tolerance), shot.trajectory.duration if flown is None else flown
     proof = Proof(target, tolerance, simple, flown, Verdict.CLOSED, kinks=kinks)
-    problems = [(Problem(target, tolerance, time, kinks), angles_for(gap)) for time, gap in durations]
+    pending = [(Problem(target, tolerance, time, kinks), angles_for(gap)) for time, gap in durations]
     if steps:
-        problems.append((Problem(target, tolerance, steps * target.dt, kinks, steps), angles_for(HOLD_GAP)))
-    for problem, turn in problems:
+        pending.append((Problem(target, tolerance, steps * target.dt, kinks, steps), angles_for(HOLD_GAP)))
+    least_open = 0.0
+    while pending:
+        problem, turn = pending.pop(0)
+        now, gap = time.monotonic(), flown / problem.duration - 1
+        last = problem.steps > 0 or not _wide(proof, gap)
+        search_tree.deadline = now + (1.0 if last else SHARE) * (begun + budget - now)
         found = search_tree.exclude(problem, turn)
         if found is None:
-            proof = replace(proof, verdict=Verdict.BUDGET_SPENT, obstacles=search_tree.obstacles)
-            break
-        if problem.duration > proof.time:
+            proof = replace(proof, verdict=Verdict.BUDGET_SPENT, obstacles=proof.obstacles or search_tree.obstacles)
+            pending, least_open = [], 0.0 if last else gap
+        elif problem.duration > proof.time:
             proof = replace(proof, time=problem.duration, steps=problem.steps, **found._asdict())
+        if _wide(proof, least_open) and time.monotonic() < begun + budget:
+            gap = math.sqrt(min(proof.gap, LARGEST_GAP) * least_open)
+            pending = [(Problem(target, tolerance, flown / (1 + gap), kinks), angles_for(gap))]
     return replace(proof, evaluations=search_tree.evaluations, wall_time=time.monotonic() - begun)
+
+
+def _wide(proof: Proof, gap: float) -> bool:
+    """Return whether a gap that was not reached leaves room for one between it and the gap of a proof."""
+    return 0 < gap < proof.gap / LEAST_GAP_STEP
 
 
 def require_positive(max_gap: float, time_budget: float) -> None:

@@ -11,9 +11,9 @@ from flatgym import SCENARIOS, Hoop, Quadrotor, Scenario, Tolerance
 from optimal.direct.multistart import search
 from optimal.direct.shooting import solve_coarse, solve_winding
 from optimal.flights.projection_bound import projection_bound
-from optimal.proof.branch_and_bound import ExcludedBranch
+from optimal.proof.branch_and_bound import BranchAndBound, ExcludedBranch
 from optimal.proof.branches import Branch
-from optimal.proof.lower_bound import Proof, Verdict, faster_flight, lower_bound, prove, prove_near
+from optimal.proof.lower_bound import LEAST_GAP_STEP, Proof, Verdict, faster_flight, lower_bound, prove, prove_near
 
 CLOSED = ("horizontal-3", "horizontal-6", "horizontal-9", "horizontal-12", "horizontal-15", "ground-6", "diagonal",
           "climb", "drop", "hoop", "high-hoop")  # fmt: skip
@@ -257,6 +257,18 @@ def test_a_spent_budget_keeps_what_was_proven():
     assert little.gap > 1e-6
     assert projection_bound(SCENARIOS["climb"]) < little.time < fastest("climb").trajectory.duration
     assert little.check()
+
+
+def test_a_duration_that_takes_too_long_gives_way_to_one_between_it_and_the_bound(monkeypatch):
+    """Gaps below 0.3 % take too long here. The gap that is proven is at most LEAST_GAP_STEP times as large."""
+    exclude, hardest = BranchAndBound.exclude, fastest("climb").trajectory.duration / 1.003
+    monkeypatch.setattr(
+        BranchAndBound, "exclude", lambda self, *args: exclude(self, *args) if args[0].duration < hardest else None
+    )
+    found = prove_near(SCENARIOS["climb"], fastest("climb"))
+    assert found.verdict is Verdict.BUDGET_SPENT
+    assert 0.003 < found.gap < 0.003 * LEAST_GAP_STEP
+    assert found.check()
 
 
 def test_an_impossible_scenario_has_an_infinite_bound():
