@@ -2,7 +2,8 @@
 
 Files are written under a temporary name and then renamed, so an interrupt leaves the old file or the complete new one.
 The first signal raises a KeyboardInterrupt in the main thread; later ones are ignored. A thread ends the process if
-that takes too long, because the main thread computes in a library or waits for a worker.
+that takes too long, because the main thread computes in a library or waits for a worker. Nothing is raised while numba
+compiles or loads code: its objects do not survive that, and the next call would end in some other error, or in a crash.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from threading import Event, Lock, Thread
-from typing import Any, NoReturn
+from typing import Any
 
 import psutil
 
@@ -55,6 +56,9 @@ def interruptible() -> Iterator[None]:
     sender.setblocking(False)
     handler = signal.signal(signal.SIGINT, _interrupt)
     wakeup = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
+    report = sys.unraisablehook
+    # An interrupt in a destructor or in a callback from C cannot be raised; the thread ends the process.
+    sys.unraisablehook = lambda unraisable: None if _signalled.is_set() else report(unraisable)
     Thread(target=_end_in_time, args=(receiver,), daemon=True).start()
     try:
         yield
@@ -66,13 +70,21 @@ def interruptible() -> Iterator[None]:
     finally:
         signal.signal(signal.SIGINT, handler)
         signal.set_wakeup_fd(wakeup)
+        sys.unraisablehook = report
         sender.close()
 
 
-def _interrupt(*_: Any) -> NoReturn:
+def _interrupt(*_: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C does not interrupt the orderly end
     _signalled.set()
-    raise KeyboardInterrupt
+    if not _compiling():
+        raise KeyboardInterrupt
+
+
+def _compiling() -> bool:
+    """Return whether this thread compiles or loads code by numba, if numba is imported at all."""
+    lock = getattr(sys.modules.get("numba.core.compiler_lock"), "global_compiler_lock", None)
+    return lock is not None and lock.is_locked()
 
 
 def _end_in_time(receiver: socket.socket) -> None:

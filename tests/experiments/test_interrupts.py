@@ -25,6 +25,9 @@ WORK = {
     "swallows the interrupt": "\n try: work()\n except KeyboardInterrupt: time.sleep(60)",
     "turns it into another error": "\n try: work()\n except KeyboardInterrupt: raise RuntimeError('solver stopped')",
     "exits as Typer does": "\n try: work()\n except KeyboardInterrupt: sys.exit(1)",
+    "compiles or loads code": "\n from numba.core.compiler_lock import global_compiler_lock\n"
+    " try:\n  with global_compiler_lock: work()\n except KeyboardInterrupt: pass",
+    "is in a destructor": "\n class Owner: __del__ = lambda self: work()\n Owner()\n time.sleep(60)",
     "has a worker": "\n worker = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n work()",
     "computes without Python": "\n import threading\n lock = threading.Lock(); lock.acquire(); print('ready')\n"
     " import ctypes; sys.stdout.flush(); ctypes.CDLL(None).sleep(60); ctypes.CDLL(None).sleep(60)",

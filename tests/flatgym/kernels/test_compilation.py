@@ -1,10 +1,12 @@
 """Compiled functions work where numba's cache cannot be written, is damaged, and where numba is switched off."""
 
 import importlib.util
+import shutil
 import subprocess
 import sys
 
 import numba
+import numpy as np
 import pytest
 
 from flatgym.envs.fleet_selection import make_fleet
@@ -25,6 +27,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(numba.config, "CACHE_LOCATOR_CLASSES", "UserProvidedCacheLocator")
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(compilation, "_told", [])
+    compilation.sources.cache_clear()
     (tmp_path / "squares.py").write_text(SOURCE)
     return tmp_path
 
@@ -66,11 +69,43 @@ def test_a_folder_that_is_lost_before_the_first_call_is_no_error(folder, capsys)
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("ending", ["nbi", "nbc"])
-@pytest.mark.parametrize("kept", [0, 20], ids=["empty", "truncated"])
-def test_a_damaged_file_is_replaced_with_one_line(folder, capsys, ending, kept):
+def test_processes_that_store_at_once_do_not_mix_signatures(folder, monkeypatch):
+    """A file is written whole, so what processes leave together is the union of what each leaves alone."""
+    arguments = [3, 2.5, 2j, np.ones(2), np.ones(2, np.float32), np.ones((2, 2))]
+    for n, argument in enumerate(arguments):
+        monkeypatch.setattr(numba.config, "CACHE_DIR", str(folder / str(n)))
+        square(folder)(argument)
+        shutil.copytree(folder / str(n), folder / "cache", dirs_exist_ok=True)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(folder / "cache"))
+    again = square(folder)
+    for argument in arguments:
+        answer, expected = again(argument), argument * argument
+        assert type(answer) is type(expected)
+        np.testing.assert_array_equal(answer, expected, strict=True)
+    assert sum(again.stats.cache_hits.values()) == len(arguments)
+
+
+def test_a_change_in_any_file_of_the_folder_compiles_again(folder):
     square(folder)(3)
-    (file,) = folder.glob(f"cache/*/*.{ending}")
+    (folder / "neighbour.py").write_text("THREE = 3")
+    compilation.sources.cache_clear()
+    again = square(folder)
+    assert again(3) == 9
+    assert not again.stats.cache_hits
+    assert len(list(folder.glob("cache/*/*"))) == 1
+
+
+def test_recompiling_removes_what_is_stored(folder):
+    function = square(folder)
+    function(3), function(2.5)
+    function._cache.flush()
+    assert not list(folder.glob("cache/*/*"))
+
+
+@pytest.mark.parametrize("kept", [0, 20], ids=["empty", "truncated"])
+def test_a_damaged_file_is_replaced_with_one_line(folder, capsys, kept):
+    square(folder)(3)
+    (file,) = folder.glob("cache/*/*")
     file.write_bytes(file.read_bytes()[:kept])
     assert square(folder)(3) == 9
     (line,) = capsys.readouterr().err.splitlines()
