@@ -9,6 +9,7 @@ member `flatquad.json`, a plain-text description. `stable_baselines3.PPO.load` r
 from __future__ import annotations
 
 import json
+import warnings
 import zipfile
 import zlib
 from pathlib import Path
@@ -82,12 +83,23 @@ def load(path: str | Path, trust: bool = False, algorithm_name: str = "") -> Bas
     """
     path = Path(path)
     admit(path, trust)
-    kind = algorithm(describe(path, algorithm_name)["algorithm"])
+    card = describe(path, algorithm_name)
+    kind = algorithm(card["algorithm"])
     add_places(Path.cwd(), path.resolve().parent)  # for the module of a policy class of one's own
     try:
-        model = kind.load(path, device="cpu")
-    except (RuntimeError, KeyError, TypeError, AttributeError, ImportError, AssertionError) as error:
-        raise ValueError(f"{path} is not a policy that this version of {kind.__name__} can load: {error}") from error
+        with warnings.catch_warnings():
+            warnings.filterwarnings("error", "Could not deserialize object policy_class", UserWarning)
+            warnings.filterwarnings("ignore", "`n_steps=", UserWarning)  # of n-step returns, in training only
+            model = kind.load(path, device="cpu")
+    except (RuntimeError, KeyError, TypeError, AttributeError, ImportError, AssertionError, UserWarning) as error:
+        reason = str(error).rpartition("Exception: ")[2]  # of SB3's warning, which says more
+        written = card.get("flatgym", __version__)
+        hint = (
+            "" if written == __version__ else f"; flatgym {written} wrote it, and this is {__version__}: install that"
+        )
+        raise ValueError(
+            f"{path} is not a policy that this version of {kind.__name__} can load: {reason}{hint}"
+        ) from error
     try:
         layout(model.observation_space, exact=True)
         check_actions(model.action_space, exact=True)

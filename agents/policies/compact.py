@@ -30,6 +30,8 @@ TRANSIENT = (
     "ep_info_buffer",
     "ep_success_buffer",
     "lr_schedule",
+    "replay_buffer_class",
+    "replay_buffer_kwargs",
     "start_time",
     "tensorboard_log",
 )

@@ -55,7 +55,7 @@ def network(
 
 
 def act(model: PPO, observations: torch.Tensor) -> torch.Tensor:
-    """Return the actor's differentiable, unclipped outputs (n, 2) for observations (n, 19)."""
+    """Return the actor's differentiable outputs for observations (n, 19): unclipped actions (n, 2), or logits."""
     policy: Any = model.policy
     return policy.action_net(policy.mlp_extractor.forward_actor(policy.pi_features_extractor(observations)))
 

@@ -9,7 +9,7 @@ import json
 from dataclasses import asdict, dataclass, fields
 from typing import Any, ClassVar
 
-from agents.training.fields import Checked, Count, Factor, Natural, NonNegative, Positive, Real, Seed, Share
+from agents.training.fields import Bins, Checked, Count, Factor, Natural, NonNegative, Positive, Real, Seed, Share
 from flatgym.validation import choice
 
 TOLERANCE_SHARE = 0.4
@@ -71,8 +71,8 @@ class Config(Checked):
     """Share of the pool replaced by states of an optimal (K*) episode: near the goal at first, anywhere on it by
     TOLERANCE_SHARE of the training."""
     failure_cost: NonNegative = 0.5
-    """Cost of a failed episode in training [s]. The environment charges the remaining time limit, which deters an
-    untrained policy from the goal."""
+    """Cost of a failed episode in training [s], for each hoop still ahead, but at least once; see
+    `agents.training.curriculum.FailureCost`."""
     eval_every: Count = 5
     """Rollouts between two validations of the deterministic policy."""
     n_eval_episodes: Count = 64
@@ -104,8 +104,11 @@ class PPOConfig(Config):
     """Steps of each vehicle between two updates (a rollout)."""
     n_epochs: Count = 6
     """Epochs over a rollout."""
+    bins: Bins = (3, 21)
+    """Bins of thrust and rate of a categorical actor, see `agents.policies.categorical`; None for a Gaussian one. A
+    policy to start from keeps its own."""
     log_std_init: Real = -0.7
-    """Initial logarithm of the exploration's standard deviation."""
+    """Initial logarithm of the standard deviation of a Gaussian actor."""
     learning_rate_max: Positive = 2e-2
     """Largest learning rate."""
     target_kl: Positive = 0.03
@@ -136,23 +139,33 @@ class OffPolicyConfig(Config):
     checkpoint_every: Count = 1_250
     gradient_steps: Count = 8
     """Gradient steps after a rollout."""
+    n_steps: Count = 5
+    """Steps of the n-step return. With 1 the value of the goal spreads by one step of an episode in each update."""
     buffer_size: Count = 120_000
     """Capacity of the replay buffer [steps]."""
     learning_starts: Natural = 10_000
     """Random environment steps before the first update; none with a policy to start from."""
-    tau: Share = 0.005
-    """Soft update coefficient of the target network."""
 
 
 @dataclass(frozen=True)
-class SACConfig(OffPolicyConfig):
-    """Soft actor-critic (Haarnoja et al. 2018) with a learned entropy coefficient."""
+class SoftConfig(OffPolicyConfig):
+    """Fields that the algorithms with an entropy bonus share."""
+
+    ent_coef: Positive = 0.01
+    """Initial entropy coefficient; it is learnt."""
+    log_std_init: Real = -1.0
+    """Initial logarithm of the exploration's standard deviation, before tanh."""
+
+
+@dataclass(frozen=True)
+class SACConfig(SoftConfig):
+    """Soft actor-critic (Haarnoja et al. 2018)."""
 
     algorithm: ClassVar[str] = "SAC"
 
     folder: str = "runs/sac"
-    ent_coef: Positive = 0.01
-    """Initial entropy coefficient."""
+    tau: Share = 0.005
+    """Soft update coefficient of the target network."""
 
 
 @dataclass(frozen=True)
@@ -162,6 +175,8 @@ class TD3Config(OffPolicyConfig):
     algorithm: ClassVar[str] = "TD3"
 
     folder: str = "runs/td3"
+    tau: Share = 0.005
+    """Soft update coefficient of the target network."""
     action_noise_std: NonNegative = 0.2
     """Standard deviation of the exploration noise on the action."""
 
@@ -177,7 +192,17 @@ class TQCConfig(SACConfig):
     """Quantiles dropped from each critic."""
 
 
-CONFIGS: dict[str, type[Config]] = {kind.algorithm: kind for kind in (PPOConfig, SACConfig, TD3Config, TQCConfig)}
+@dataclass(frozen=True)
+class CrossQConfig(SoftConfig):
+    """CrossQ (Bhatt et al. 2024): SAC without target networks, its critics with batch normalisation."""
+
+    algorithm: ClassVar[str] = "CrossQ"
+
+    folder: str = "runs/crossq"
+
+
+KINDS: tuple[type[Config], ...] = (PPOConfig, SACConfig, TD3Config, TQCConfig, CrossQConfig)
+CONFIGS: dict[str, type[Config]] = {kind.algorithm: kind for kind in KINDS}
 """Configuration class of each algorithm."""
 
 
@@ -187,7 +212,8 @@ def config_of(algorithm: str, **values: Any) -> Config:
     Raises:
         ValueError: for an unknown algorithm or field, listing the known ones, and for an invalid value.
     """
-    kind = CONFIGS.get(algorithm.upper()) or CONFIGS[choice("algorithm", algorithm, CONFIGS)]
+    kinds = {name.lower(): kind for name, kind in CONFIGS.items()}
+    kind = kinds.get(algorithm.lower()) or CONFIGS[choice("algorithm", algorithm, CONFIGS)]
     known = [field.name for field in fields(kind)]
     if unknown := sorted(set(values) - set(known)):
         raise ValueError(f"unknown fields {', '.join(unknown)} of {kind.__name__}; known: {', '.join(known)}")

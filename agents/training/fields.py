@@ -20,6 +20,8 @@ from flatgym.validation import MAGNITUDE, nonnegative, number, positive, whole
 
 MAX_INT = 2**62
 """Greatest whole number of a field."""
+MAX_BINS = 1001
+"""Greatest number of bins of an action."""
 Check: TypeAlias = Callable[[str, str, Any], Any]
 """Takes owner, name and value; returns the value to store."""
 
@@ -63,6 +65,20 @@ class Instance:
         return value
 
 
+def levels(owner: str, name: str, value: Any) -> tuple[int, int] | None:
+    """Return the numbers of bins of thrust and rate, or None; a ValueError names what is wrong."""
+    if value is None:
+        return None
+    if not isinstance(value, (tuple, list)) or len(value) != 2:
+        raise ValueError(f"{owner}.{name} must be two numbers of bins, of thrust and of rate, or None, got {value!r}")
+    thrust, rate = (whole(f"{owner}.{name}", count, low, MAX_BINS) for count, low in zip(value, (2, 3), strict=True))
+    if rate % 2 == 0:
+        raise ValueError(f"{owner}.{name} must have an odd number of rate bins, to hold the rate zero, got {value!r}")
+    return thrust, rate
+
+
+Bins = Annotated[tuple[int, int] | None, levels]
+"""Numbers of bins of thrust and rate; None for none."""
 Seed = Annotated[int, Whole(0, 2**32 - 1)]
 """A whole number in 0..2^32 - 1, the seeds NumPy accepts."""
 Natural = Annotated[int, Whole(0)]

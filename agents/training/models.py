@@ -14,14 +14,16 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents import policies
 from agents.policies.algorithms import algorithm
+from agents.policies.categorical import CategoricalPolicy
 from agents.policies.guidance import Guidance
 from agents.policies.networks import ScaledObservations, network
-from agents.training.configs import Config, OffPolicyConfig, PPOConfig, SACConfig, TD3Config, TQCConfig
-from agents.training.curriculum import FixedFailureCost, curriculum
+from agents.training.configs import Config, CrossQConfig, OffPolicyConfig, PPOConfig, SoftConfig, TD3Config, TQCConfig
+from agents.training.curriculum import FailureCost, curriculum
 from agents.training.vec_env import make_vec_env
 
 
@@ -43,10 +45,13 @@ def build(config: Config) -> BaseAlgorithm:
         critic = "vf" if isinstance(config, PPOConfig) else "qf"
         features = Guidance if config.guidance else ScaledObservations
         arguments = network(critic, config.width, config.depth, config.value_width, config.observation_scale, features)
+    actor: str | type[BasePolicy] = "MlpPolicy" if start is None else start.policy_class
     if isinstance(config, PPOConfig):
+        if start is None and config.bins is not None:
+            actor, arguments["bins"] = CategoricalPolicy, config.bins
         arguments["log_std_init"] = config.log_std_init
     model = kind(
-        "MlpPolicy",
+        actor,
         environments(config),
         learning_rate=config.learning_rate,
         batch_size=config.batch_size,
@@ -58,15 +63,17 @@ def build(config: Config) -> BaseAlgorithm:
     )
     if start is not None:
         model.policy.load_state_dict(start.policy.state_dict())
-    if isinstance(model, PPO) and isinstance(config, PPOConfig):
-        torch.nn.init.constant_(model.policy.log_std, config.log_std_init)
+    if isinstance(config, PPOConfig) and isinstance(deviation := getattr(model.policy, "log_std", None), torch.Tensor):
+        torch.nn.init.constant_(deviation, config.log_std_init)  # of a Gaussian actor
+    if start is None and isinstance(config, SoftConfig):
+        torch.nn.init.constant_(model.policy.actor.log_std.bias, config.log_std_init)  # type: ignore
     return model
 
 
 def environments(config: Config) -> VecEnv:
     """Return the training environments, with the fixed cost of failure."""
     starts = curriculum(config).starts(0.0)
-    return FixedFailureCost(
+    return FailureCost(
         make_vec_env(config.scenario, config.num_envs, starts=starts, seed=config.seed), config.failure_cost
     )
 
@@ -99,13 +106,15 @@ def _own_arguments(config: Config) -> dict[str, Any]:
     arguments: dict[str, Any] = {
         "buffer_size": config.buffer_size,
         "learning_starts": 0 if config.policy else config.learning_starts,
-        "tau": config.tau,
         "train_freq": (config.train_freq, "step"),
         "gradient_steps": config.gradient_steps,
+        "n_steps": config.n_steps,
     }
+    if not isinstance(config, CrossQConfig):
+        arguments["tau"] = config.tau  # type: ignore[attr-defined]
     if isinstance(config, TD3Config):
         arguments["action_noise"] = NormalActionNoise(np.zeros(2), np.full(2, config.action_noise_std))
-    if isinstance(config, SACConfig):
+    if isinstance(config, SoftConfig):
         arguments["ent_coef"] = f"auto_{config.ent_coef}"
     if isinstance(config, TQCConfig):
         arguments["top_quantiles_to_drop_per_net"] = config.top_quantiles_to_drop_per_net

@@ -5,6 +5,7 @@ import errno
 import io
 import json
 import pickle
+import re
 import zipfile
 
 import gymnasium as gym
@@ -168,12 +169,25 @@ def test_truncated_files_are_named(file, share):
 
 
 @pytest.mark.parametrize("place", np.linspace(0.02, 0.98, 25))
-def test_a_corrupt_byte_is_detected(file, place):
-    content = bytearray(file.read_bytes())
+def test_a_corrupt_byte_is_detected_unless_it_is_that_of_a_date(file, place):
+    content, before = bytearray(file.read_bytes()), _members(file)
     content[int(len(content) * place)] ^= 0xFF
     file.write_bytes(content)
-    with pytest.raises(ValueError, match=r"policy.zip is (damaged|not a whole zip)"):
-        policies.load(file, trust=True)
+    said = _refusal(file)
+    assert re.search(r"policy.zip is (damaged|not a whole zip)", said) if said else _members(file) == before
+
+
+def _refusal(path):
+    try:
+        policies.load(path, trust=True)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+def _members(path):
+    with zipfile.ZipFile(path) as file:
+        return {name: file.read(name) for name in file.namelist()}
 
 
 @pytest.mark.parametrize("members", [{}, {"a.txt": "hello"}, {"data": "[]"}, {"data": "{"}])
