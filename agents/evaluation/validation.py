@@ -14,18 +14,23 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agents.evaluation.rollouts import Episodes, fly
 from agents.policies.policy import Policy
+from flatgym.quadrotor import Array
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.catalogue import ProblemLike
 from flatgym.scenarios.reference import EVALUATION_SEED
 from flatgym.scenarios.scenario import Scenario
+from flatgym.task.rollout import episode_outcomes
+from flatgym.task.scene import Scene
+from flatgym.task.shaping import remaining_path_length
 
 VALIDATION_SEED = EVALUATION_SEED - 100_000
 """Seed of the first validation episode: above all training seeds and below those of scores."""
 Point = dict[str, Any]
-"""A point of a learning curve: env_steps, wall_time_s, outcome, success_rate, steps."""
+"""A point of a learning curve: env_steps, wall_time_s, outcome, success_rate, steps, hoops_passed, way_left."""
 
 
 class Validation:
@@ -68,10 +73,15 @@ class Validation:
             wall_time: wall time of the training so far [s].
         """
         flights = fly(policy, self.problem, self.episodes, self.seed)
-        point = {"env_steps": env_steps, "wall_time_s": round(wall_time, 1)} | statistics(flights)
+        point = {"env_steps": env_steps, "wall_time_s": round(wall_time, 1)} | statistics(flights, self._scenarios())
         improved = all(rank(point) > rank(other) for other in self.curve)
         self.curve.append(point)
         return improved
+
+    def _scenarios(self) -> list[Scenario]:
+        if isinstance(self.problem, Scenario):
+            return [self.problem]
+        return [self.problem.scenario(self.seed + i) for i in range(self.episodes)]
 
 
 def rank(point: Point) -> tuple[float, float]:
@@ -85,12 +95,30 @@ def best_of(curve: Sequence[Point]) -> Point | None:
     return best if best and best["success_rate"] > 0 else None
 
 
-def statistics(flights: Episodes) -> Point:
-    """Return the most frequent outcome, the success rate, and the mean steps of the successes (of all if none)."""
+def statistics(flights: Episodes, scenarios: Sequence[Scenario]) -> Point:
+    """Return the most frequent outcome, the success rate, and the mean steps of the successes (of all if none).
+
+    Before the first success, two values tell how near the flights come: the mean number of hoops passed, and the mean
+    of the least length of the way through the hoops ahead to the goal [m], which is 0 for a success.
+
+    Args:
+        flights: episodes without disturbances.
+        scenarios: their scenarios.
+    """
     succeeded = np.array([word == "goal" for word in flights.outcomes])
     steps = float(flights.steps[succeeded].mean() if succeeded.any() else flights.steps.mean())
+    flown = zip(flights.outcomes, scenarios, flights.states, flights.actions, strict=True)
+    left = [0.0 if word == "goal" else way_left(one, states, actions) for word, one, states, actions in flown]
     return {
         "outcome": Counter(flights.outcomes).most_common(1)[0][0],
         "success_rate": float(succeeded.mean()),
         "steps": int(steps) if steps.is_integer() else steps,
+        "hoops_passed": float(flights.hoops_passed.mean()),
+        "way_left": round(float(np.mean(left)), 3),
     }
+
+
+def way_left(scenario: Scenario, states: Array, actions: NDArray[np.float32]) -> float:
+    """Return the least length of the way through the hoops ahead to the goal during a flight [m]."""
+    flown = episode_outcomes(scenario, states, actions)
+    return float(remaining_path_length(Scene.of([scenario] * len(actions)), flown).min())

@@ -30,6 +30,8 @@ CLOCK_SLACK = 0.1
 
 Beyond it the result depends on the speed of the machine.
 """
+LOGGED = ("success_rate", "steps", "hoops_passed", "way_left")
+"""Values of a validation that are logged; the last two tell apart policies that do not succeed yet."""
 GAMMA_SHARE = 0.6
 """Share of the training after which the discount is `gamma_end`."""
 
@@ -104,13 +106,19 @@ class TrainingCallback(BaseCallback):
         self.set_gamma(first + (last - first) * min(1.0, done / GAMMA_SHARE))
 
     def set_gamma(self, value: float) -> None:
-        """Set the discount of the model."""
+        """Set the discount of the model, and of its buffer where it has one: of a rollout, or of n-step returns."""
         self.model.gamma = value  # type: ignore[attr-defined]
+        for name in ("rollout_buffer", "replay_buffer"):
+            buffer: Any = getattr(self.model, name, None)
+            if hasattr(buffer, "gamma"):
+                buffer.gamma = value
 
     def validate(self) -> None:
         """Validate the policy, extend the curve, and save the policy if it is the best and has succeeded."""
         improved = self.validation.run(self.model, self.model.num_timesteps, self.elapsed)
         point = self.validation.curve[-1]
+        for name in LOGGED:
+            self.logger.record(f"validation/{name}", point[name])
         if improved and point["success_rate"] > 0:
             policies.save(self.model, model_file(self.config), self.config.scenario)
         with curve_file(self.config).open("a", encoding="utf-8") as file:
@@ -153,7 +161,3 @@ class PPOCallback(TrainingCallback):
             progress.learning_rate /= 1.5
         elif 0 < progress.approx_kl < target_kl / 2:
             progress.learning_rate = min(1.5 * progress.learning_rate, config.learning_rate_max)
-
-    def set_gamma(self, value: float) -> None:
-        """Set the discount of the model and of its rollout buffer."""
-        self.model.gamma = self.model.rollout_buffer.gamma = value

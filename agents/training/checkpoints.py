@@ -132,6 +132,15 @@ def _replay(model: BaseAlgorithm) -> dict[str, Any]:
     return arrays | {"pos": buffer.pos, "full": buffer.full}
 
 
+def end_episodes(model: BaseAlgorithm) -> None:
+    """Mark the newest steps of a replay buffer as truncated, so that no n-step return runs into another episode."""
+    buffer: ReplayBuffer | None = getattr(model, "replay_buffer", None)
+    if buffer is not None and (buffer.pos or buffer.full):
+        buffer.timeouts[buffer.pos - 1] = np.logical_or(
+            buffer.timeouts[buffer.pos - 1], 1 - buffer.dones[buffer.pos - 1]
+        )
+
+
 def _refill(model: BaseAlgorithm, replay: dict[str, Any]) -> None:
     buffer: ReplayBuffer | None = getattr(model, "replay_buffer", None)
     if buffer is None:

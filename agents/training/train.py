@@ -45,7 +45,8 @@ class Training:
         config: its configuration.
         model: file of the best policy, or of the last if none succeeded.
         curve: one point a validation: env_steps, wall_time_s, outcome (the most frequent), success_rate, and steps,
-            the mean over the successful episodes, or over all if none succeeded.
+            the mean over the successful episodes, or over all if none succeeded; also hoops_passed and way_left, see
+            `agents.evaluation.validation.statistics`.
         best: the point of the stored policy; None if none succeeded.
         env_steps: environment steps.
         wall_time_s: wall time [s].
@@ -146,6 +147,7 @@ def _learn(model: BaseAlgorithm, callback: TrainingCallback) -> None:
         # The seeds of segments are spread already, and published trainings depend on them.
         environments.unwrapped.seed_exactly(seed)  # type: ignore[attr-defined]
         model._last_obs = None  # resets all episodes
+        checkpoints.end_episodes(model)
         callback.apply_curriculum()
         model.learn(
             min(segment_steps, config.env_steps - model.num_timesteps),

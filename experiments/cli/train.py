@@ -25,7 +25,7 @@ PRETRAIN_EXAMPLES = "Example: flatquad pretrain hoop climb --out my-policies"
 
 def train_policy(
     scenario: ProblemName,
-    algorithm: Annotated[str, typer.Option(help="ppo, sac, td3 or tqc.")] = "ppo",
+    algorithm: Annotated[str, typer.Option(help="ppo, sac, td3, tqc or crossq.")] = "ppo",
     seed: Annotated[int, typer.Option(help="Seed of initial states, network and exploration.")] = 0,
     seconds: Annotated[
         float | None,
@@ -84,7 +84,8 @@ def train_policy(
 
         def watch(point: dict[str, Any]) -> None:
             share = max(point["env_steps"] / config.env_steps, point["wall_time_s"] / config.max_seconds)
-            note = f"success {point['success_rate']:.0%}, {point['steps']:.4g} steps"
+            near = f"{point['steps']:.4g} steps" if point["success_rate"] else f"{point['way_left']:.3g} m left at best"
+            note = f"success {point['success_rate']:.0%}, {near}"
             bar.update(work, completed=min(100, round(100 * share)), note=note)
 
         training = train(config, known.k_star if known else None, resume, overwrite, watch)

@@ -2,8 +2,10 @@
 
 import json
 import pickle
+import zipfile
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
@@ -70,6 +72,21 @@ def test_an_interrupted_training_ends_bit_for_bit_like_an_uninterrupted_one(tmp_
     assert resumed.wall_time_s > resumed.curve[0]["wall_time_s"]
     last = [torch.load(tmp_path / run / "checkpoint.pt", weights_only=True) for run in ("whole", "killed")]
     assert str(last[0]["parameters"]) == str(last[1]["parameters"])
+
+
+@pytest.mark.parametrize("algorithm", [name for name in CONFIGS if name != "PPO"])
+def test_no_return_runs_into_the_episodes_of_the_next_segment(tmp_path, algorithm):
+    model = build(small(algorithm, tmp_path)).learn(160)
+    buffer, dones = model.replay_buffer, model.replay_buffer.dones.copy()
+    newest = np.array([buffer.pos - 1])
+    checkpoints.end_episodes(model)
+    model._last_obs = None
+    model.learn(80, reset_num_timesteps=False)
+    assert (buffer.dones[newest] + buffer.timeouts[newest] >= 1).all()
+    np.testing.assert_array_equal(buffer.dones[: newest[0] + 1], dones[: newest[0] + 1])
+    samples = buffer._get_samples(newest.repeat(50))
+    np.testing.assert_allclose(samples.discounts, model.gamma)
+    assert (buffer._get_samples((newest - 1).repeat(50)).discounts > model.gamma**2 - 1e-6).all()
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +165,9 @@ def test_a_truncated_checkpoint_is_named_with_a_remedy(copy, share):
 def test_a_corrupt_byte_is_detected(copy):
     path = checkpoint_file(copy)
     content = bytearray(path.read_bytes())
-    content[len(content) // 3] ^= 0x10
+    with zipfile.ZipFile(path) as file:
+        longest = max((file.read(name) for name in file.namelist()), key=len)
+    content[content.index(longest) + len(longest) // 3] ^= 0x10
     path.write_bytes(content)
     with pytest.raises(ValueError, match="cannot be read as a checkpoint"):
         train(copy, resume=True)

@@ -4,27 +4,74 @@ import numpy as np
 import pytest
 
 from agents.training.configs import TOLERANCE_SHARE, PPOConfig
-from agents.training.curriculum import NEAREST_SHARE, Curriculum, FixedFailureCost, curriculum, expert_flight
+from agents.training.curriculum import NEAREST_SHARE, Curriculum, FailureCost, curriculum, expert_flight
 from agents.training.vec_env import make_vec_env
-from flatgym import Hoop, Scenario, scenario
+from flatgym import SCENARIOS, Hoop, Scenario, scenario
 from flatgym.envs.compiled_fleet import CompiledFleet
 from flatgym.envs.config import EnvConfig, Starts
 from flatgym.envs.numpy_fleet import NumpyFleet
 from flatgym.envs.vector import FlatQuadVectorEnv
 from flatgym.scenarios.reference import reference
+from flatgym.task.rollout import fly_actions
+from flatgym.task.scene import Scene
+from flatgym.task.shaping import potential
 
 DEMONSTRATED = PPOConfig(scenario="slalom", pool_expert_share=0.5)
 
 
-def test_the_cost_of_failure_is_fixed():
-    envs = FixedFailureCost(make_vec_env("horizontal-3", 4), 0.5)
+@pytest.mark.parametrize(
+    ("problem", "passed", "price"),
+    [("horizontal-3", 0, 0.5), ("slalom", 0, 1.5), ("slalom", 2, 0.5), ("slalom", 3, 0.5)],
+)
+def test_failure_costs_as_much_as_hoops_are_ahead(problem, passed, price):
+    start = Starts(SCENARIOS[problem].start_state[None], np.array([passed]), 1.0)
+    envs = FailureCost(make_vec_env(problem, 4, starts=start, seed=0), 0.5)
     envs.reset()
     ended = []
     for _ in range(250):
         _, rewards, dones, infos = envs.step(np.tile(np.array([1.0, 0.05], np.float32), (4, 1)))
         ended += [(info["outcome"], reward) for info, reward, done in zip(infos, rewards, dones, strict=True) if done]
     assert {"out-of-bounds"} == {outcome for outcome, _ in ended}
-    assert {-0.5} == {float(reward) for _, reward in ended}
+    assert {-price} == {float(reward) for _, reward in ended}
+
+
+def test_the_hoops_ahead_are_those_of_the_episode_that_failed():
+    envs = FailureCost(make_vec_env("random-hoops", 64, seed=0), 0.5)
+    envs.reset()
+    (fleet,), costs = set(envs.get_attr("fleet")), []
+    while len(costs) < 200:
+        hoops = fleet.hoop_counts()
+        _, rewards, dones, infos = envs.step(np.tile(np.array([1.0, 0.05], np.float32), (64, 1)))
+        for i in np.flatnonzero(dones):
+            costs.append(-rewards[i])
+            assert rewards[i] == -0.5 * max(1, hoops[i] - infos[i]["hoops_passed"])
+    assert set(costs) == {0.5, 1.0, 1.5}
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_from_no_state_of_the_best_flight_failing_returns_more_than_flying_on(name):
+    """The condition under which the training reward has the optimum of the environment, see FailureCost."""
+    problem, best = SCENARIOS[name], reference(name)
+    scene, price = Scene.of([problem]), PPOConfig().failure_cost
+    for k, episode in enumerate(fly_actions(problem, best.actions)[:-1]):
+        to_go, ahead = (best.k_star - k) * problem.dt, len(problem.hoops) - episode.hoops_passed[0]
+        assert to_go + potential(scene, episode)[0] < price * max(1, ahead)
+
+
+@pytest.mark.parametrize("name", ["hoop", "slalom"])
+def test_the_return_of_a_failure_is_that_of_its_last_state_and_its_hoops(name):
+    problem, scene = SCENARIOS[name], Scene.of([SCENARIOS[name]])
+    best = reference(name).actions
+    for share in (0.25, 0.75):
+        actions = np.concatenate([best[: int(share * len(best))], np.tile(np.array([1.0, 0.0], np.float32), (250, 1))])
+        flown = fly_actions(problem, actions)
+        k, last = len(flown) - 2, flown[-2]
+        envs = FailureCost(make_vec_env(name, 1, seed=0), 0.5)
+        envs.reset()
+        returned = sum(float(envs.step(action[None])[1][0]) for action in actions[: k + 1])
+        risen = float(potential(scene, last)[0] - potential(scene, flown[0])[0])
+        cost = 0.5 * max(1, len(problem.hoops) - last.hoops_passed[0])
+        assert returned == pytest.approx(-k * problem.dt + risen - cost, abs=1e-4)
 
 
 @pytest.mark.parametrize("problem", ["hoop", "random-goal"])
@@ -100,7 +147,7 @@ def test_a_fleet_samples_starts_from_a_replaced_pool(kind):
 
 def test_the_curriculum_sets_the_environments():
     course = curriculum(DEMONSTRATED)
-    envs = FixedFailureCost(make_vec_env("slalom", 8, starts=course.starts(0.0), seed=0), 0.5)
+    envs = FailureCost(make_vec_env("slalom", 8, starts=course.starts(0.0), seed=0), 0.5)
     envs.reset()
     course.apply(envs, 0.2)
     (fleet,) = set(envs.get_attr("fleet"))

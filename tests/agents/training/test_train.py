@@ -13,7 +13,7 @@ import torch
 from agents import policies
 from agents.evaluation.rollouts import fly
 from agents.policies import archive
-from agents.training.callbacks import PPOCallback
+from agents.training.callbacks import PPOCallback, TrainingCallback
 from agents.training.configs import CONFIGS, PPOConfig, SACConfig, config_of
 from agents.training.models import build
 from agents.training.progress import read_curve
@@ -21,6 +21,7 @@ from agents.training.train import train
 from flatgym.scenarios.reference import reference
 
 load = partial(policies.load, trust=True)
+SEEN = np.zeros((500, 19), np.float32)
 SMALL = PPOConfig(
     scenario="horizontal-3", env_steps=2048, num_envs=16, n_steps=16, batch_size=128, n_epochs=2, width=16, eval_every=2
 )
@@ -153,6 +154,27 @@ def test_the_curriculum_follows_the_environment_steps(small):
     assert (tolerance[0], tolerance[-1]) == pytest.approx((0.3, 0.1))
     assert (discount[0], discount[-1]) == pytest.approx((small.gamma, small.gamma_end))
     assert envs.get_attr("fleet")[0].share == pytest.approx(small.pool_share_end)
+
+
+@pytest.mark.parametrize("algorithm", [name for name in CONFIGS if name != "PPO"])
+def test_n_step_returns_have_the_discount_of_the_model(algorithm):
+    config = config_of(algorithm, scenario="horizontal-3", num_envs=2, buffer_size=20, n_steps=3)
+    callback = TrainingCallback(config)
+    callback.init_callback(build(config))
+    callback.set_gamma(0.9)
+    assert callback.model.gamma == callback.model.replay_buffer.gamma == 0.9
+    assert callback.model.replay_buffer.n_steps == 3
+
+
+@pytest.mark.parametrize("algorithm", ["SAC", "TQC", "CrossQ"])
+def test_exploration_begins_small(algorithm):
+    spread = [build_small(algorithm, log_std_init=value).predict(SEEN)[0].std(axis=0).mean() for value in (-1.0, -3.0)]
+    assert spread[0] == pytest.approx(np.tanh(np.exp(-1.0)), rel=0.3)
+    assert spread[1] == pytest.approx(np.exp(-3.0), rel=0.3)
+
+
+def build_small(algorithm, **values):
+    return build(config_of(algorithm, scenario="horizontal-3", num_envs=2, buffer_size=20, **values))
 
 
 @pytest.fixture
