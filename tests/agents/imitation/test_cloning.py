@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from agents import policies
-from agents.imitation.cloning import CloneConfig, batches, clone, fit, loss, untrained_policy
+from agents.imitation.cloning import CloneConfig, batches, clone, fit, loss, losses, untrained_policy
+from agents.imitation.dataset import ExpertData
 from agents.training.configs import PPOConfig
 from agents.training.train import train
 
@@ -19,6 +20,28 @@ def test_beyond_the_limit_of_the_action_the_loss_is_zero():
     action = torch.tensor([[1.0, 1.0], [-1.0, 0.5], [1.0, 1.0]])
     expected = torch.tensor([[0.0, 2.25], [0.0, 0.16], [0.25, 4.0]])
     torch.testing.assert_close(loss(output, action), expected)
+
+
+def test_a_categorical_actor_keeps_two_experts_apart_that_the_squared_error_averages():
+    observations = np.zeros((64, 19), dtype=np.float32)
+    rates = np.tile([-1.0, 1.0, 1.0, -1.0], 16)
+    data = ExpertData(observations, np.stack([np.ones(64), rates], axis=1).astype(np.float32))
+    acted = {
+        bins: clone(data, replace(SMALL, bins=bins, gradient_steps=100)).predict(observations[:1], deterministic=True)[
+            0
+        ]
+        for bins in (None, (3, 21))
+    }
+    assert abs(acted[None][0, 1]) < 0.2
+    assert abs(acted[3, 21][0, 1]) == 1.0
+
+
+@pytest.mark.parametrize("bins", [None, (3, 41)])
+def test_losses_are_lower_for_the_labels_of_the_expert_than_for_the_opposite(data, bins):
+    model = clone(data, replace(SMALL, bins=bins))
+    observations, actions = map(torch.from_numpy, (data.observations, data.actions))
+    own, other = (losses(model, observations, labels).mean() for labels in (actions, -actions))
+    assert own < other / 3
 
 
 def test_batches_use_all_rows_equally():
