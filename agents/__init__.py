@@ -8,12 +8,13 @@ from agents import demonstrations, imitation, policies
 from agents.controllers.cascaded_pd import CascadedPD
 from agents.controllers.mpc import MPC
 from agents.controllers.tracking import Expert, OpenLoop
+from agents.controllers.trivial import Hover, RandomActions
 from agents.evaluation.bootstrap import summary
 from agents.evaluation.rollouts import Episodes, fly
 from agents.evaluation.scores import FasterThanOptimal, episode_rows, evaluate
 from agents.imitation.oracles import combined_oracle, lqr_oracle
 from agents.training.backward_starts import backward_starts
-from agents.training.configs import CONFIGS, Config, PPOConfig, SACConfig, TD3Config, TQCConfig, config_of
+from agents.training.configs import CONFIGS, Config, CrossQConfig, PPOConfig, SACConfig, TD3Config, TQCConfig, config_of
 from agents.training.models import build
 from agents.training.progress_reward import ProgressReward
 from agents.training.train import Training, train
@@ -25,13 +26,16 @@ __all__ = [
     "MPC",
     "CascadedPD",
     "Config",
+    "CrossQConfig",
     "Episodes",
     "Expert",
     "FasterThanOptimal",
     "FlatQuadVecEnv",
+    "Hover",
     "OpenLoop",
     "PPOConfig",
     "ProgressReward",
+    "RandomActions",
     "SACConfig",
     "TD3Config",
     "TQCConfig",

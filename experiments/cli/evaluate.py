@@ -21,7 +21,7 @@ from flatgym.scenarios.reference import EVALUATION_SEED
 if TYPE_CHECKING:
     from experiments.scoring.submission import Submission
 
-COMPARED_WITH = ("pretrained", "expert", "open-loop", "pd")
+COMPARED_WITH = ("pretrained", "expert", "open-loop", "pd", "hover", "random")
 """Agents beside the policy in its report."""
 STATISTICS = (
     "Steps, K* and gap are interquartile means over the episodes that reached the goal. Brackets hold 95 % bootstrap "
@@ -50,7 +50,7 @@ def evaluate(
         str,
         typer.Option(
             help="expert: LQR around a flight in few steps with a margin to the hoops; expert-no-margin: around the K* "
-            "flight; or pd: cascaded PD controller.",
+            "flight; pd: cascaded PD controller; hover: stands still; or random: random actions.",
             show_default=False,
         ),
     ] = "",

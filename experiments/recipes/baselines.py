@@ -14,6 +14,7 @@ from agents import policies
 from agents.controllers.cascaded_pd import CascadedPD
 from agents.controllers.mpc import MPC
 from agents.controllers.tracking import Expert, OpenLoop
+from agents.controllers.trivial import Hover, RandomActions
 from agents.policies import archive
 from agents.policies.fingerprint import fingerprint
 from agents.policies.policy import Policy
@@ -80,6 +81,16 @@ def mpc(spec: RunSpec) -> TrainedAgent:
 def cascaded_pd(spec: RunSpec) -> TrainedAgent:
     """Return the cascaded PD controller."""
     return TrainedAgent(CascadedPD(spec.target.quadrotor), "cascaded PD")
+
+
+def hover(spec: RunSpec) -> TrainedAgent:
+    """Return the agent that stands still."""
+    return TrainedAgent(Hover(spec.target.quadrotor), "hover")
+
+
+def random_actions(spec: RunSpec) -> TrainedAgent:
+    """Return the agent that acts at random."""
+    return TrainedAgent(RandomActions(spec.seed), "uniformly random actions")
 
 
 def pretrained(spec: RunSpec) -> TrainedAgent:

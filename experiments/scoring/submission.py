@@ -11,6 +11,7 @@ from pathlib import Path
 from agents import policies
 from agents.controllers.cascaded_pd import CascadedPD
 from agents.controllers.tracking import Expert
+from agents.controllers.trivial import Hover, RandomActions
 from agents.evaluation.optima import flight_in_k_star
 from agents.evaluation.protocol import protocol_episodes
 from agents.policies import archive
@@ -27,6 +28,8 @@ CONTROLLERS = {
     "expert": "agents.controllers.tracking:Expert",
     "expert-no-margin": "agents.controllers.tracking:Expert",
     "pd": "agents.controllers.cascaded_pd:CascadedPD",
+    "hover": "agents.controllers.trivial:Hover",
+    "random": "agents.controllers.trivial:RandomActions",
 }
 """Agents that can be scored on any task, named as in the benchmark, and their classes."""
 
@@ -123,7 +126,10 @@ class Submission:
             return load_policy(**self.arguments)
         if self.pretrained:
             return policies.pretrained(self.pretrained)
-        if self.agent == "pd":
-            return CascadedPD(catalogue.problem(self.problem).quadrotor)
+        if self.agent == "random":
+            return RandomActions()
+        if self.agent in ("pd", "hover"):
+            kind = CascadedPD if self.agent == "pd" else Hover
+            return kind(catalogue.problem(self.problem).quadrotor)
         scenario = catalogue.scenario(self.problem)
         return Expert(robust_flight(scenario, store) if self.agent == "expert" else flight_in_k_star(scenario, store))
