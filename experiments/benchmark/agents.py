@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from experiments.figures import COLOURS, FLAME, OUTLINE
+from experiments.figures import COLOURS, FLAME, FURTHER_COLOURS, OUTLINE
 
 NAMES = {
     "ppo": "PPO",
+    "ppo-gaussian": "PPO, Gaussian",
     "sac": "SAC",
+    "td3": "TD3",
+    "tqc": "TQC",
+    "crossq": "CrossQ",
     "bc": "BC",
     "dagger": "DAgger",
     "bc-ppo": "BC, then PPO",
@@ -15,11 +19,14 @@ NAMES = {
     "expert-no-margin": "expert, no margin",
     "open-loop": "open-loop replay",
     "pd": "cascaded PD",
+    "hover": "hover",
+    "random": "random actions",
     "pretrained": "pretrained",
 }
 """Display names, in the order of the tables."""
-LEARNER_COLOURS = dict(zip(NAMES, (*COLOURS, FLAME), strict=False))
-"""Colours of the trained agents, which come first in NAMES. All others are grey."""
+_LEARNERS = ("ppo", "sac", "bc", "dagger", "bc-ppo", "ppo-gaussian", "td3", "tqc", "crossq")
+LEARNER_COLOURS = dict(zip(_LEARNERS, (*COLOURS, FLAME, *FURTHER_COLOURS), strict=True))
+"""Colours of the trained agents. All others are grey."""
 
 
 def display_name(agent: str) -> str:

@@ -10,7 +10,7 @@ from agents import policies
 from agents.policies import archive
 from agents.policies.adapters import ZIP, check_policy_name
 from experiments.files import Row, read_json
-from experiments.recipes.registry import EXPERTS, LEARNERS, SCENARIO_ONLY
+from experiments.recipes.registry import COMPARED_ON_FEW, EXPERTS, LEARNERS, SCENARIO_ONLY
 from experiments.recipes.run_spec import FULL, Budget
 from flatgym import DISTRIBUTIONS, SCENARIOS, Distribution
 from flatgym.scenarios import catalogue
@@ -158,28 +158,37 @@ def named_policies(arguments: Iterable[str], trust: bool) -> dict[str, Row]:
     return found
 
 
+COMPARED = ("hoop", "random-goal")
+"""Problems on which all learners are compared."""
 SUITES = {
     suite.name: suite
     for suite in (
         Suite(
             "quick",
             {
-                "hoop": ("ppo", "dagger", "pretrained", "expert", "open-loop", "pd"),
-                "horizontal-6": ("ppo", "pretrained", "pd"),
-                "random-goal": ("pretrained", "pd"),
+                "hoop": ("ppo", "dagger", "pretrained", "expert", "open-loop", "pd", "hover", "random"),
+                "horizontal-6": ("ppo", "pretrained", "pd", "hover", "random"),
+                "random-goal": ("pretrained", "pd", "hover", "random"),
             },
             seeds=1,
-            budget=replace(FULL, max_seconds=250.0, ppo_steps=5_000_000),
             preparation=True,
         ),
-        Suite("full", all_agents([*SCENARIOS, *DISTRIBUTIONS]), preparation=True),
+        Suite(
+            "full",
+            {
+                name: tuple(agent for agent in agents if name in COMPARED or agent not in COMPARED_ON_FEW)
+                for name, agents in all_agents([*SCENARIOS, *DISTRIBUTIONS]).items()
+            },
+            preparation=True,
+        ),
         Suite(
             "study",
             {
                 name: tuple(agent for agent in agents if agent != "pretrained")
-                for name, agents in all_agents(["hoop", "random-goal"]).items()
+                for name, agents in all_agents(COMPARED).items()
             },
         ),
     )
 }
-"""The suites: "quick" takes minutes, "full" hours, "study" is the comparison of the learners in the README."""
+"""The suites: "quick" takes minutes, "full" about eight hours on two cores, and "study", the comparison of the learners
+in the README, about five."""

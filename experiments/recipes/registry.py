@@ -10,21 +10,36 @@ On a distribution every episode has a plan of its own. All imitation recipes use
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from functools import partial
 
 import numpy as np
 
 from agents.evaluation.validation import VALIDATION_SEED
-from experiments.recipes.baselines import cascaded_pd, expert, expert_no_margin, mpc, open_loop, pretrained
+from agents.training.configs import CrossQConfig, SACConfig, TD3Config, TQCConfig
+from experiments.recipes.baselines import (
+    cascaded_pd,
+    expert,
+    expert_no_margin,
+    hover,
+    mpc,
+    open_loop,
+    pretrained,
+    random_actions,
+)
 from experiments.recipes.imitation import train_bc, train_dagger
 from experiments.recipes.plans import plan_flights
-from experiments.recipes.reinforcement import train_bc_ppo, train_ppo, train_sac
+from experiments.recipes.reinforcement import train_bc_ppo, train_gaussian_ppo, train_off_policy, train_ppo
 from experiments.recipes.run_spec import RunSpec, TrainedAgent
 from flatgym.scenarios.reference import EVALUATION_SEED
 
 Recipe = Callable[[RunSpec], TrainedAgent]
 LEARNERS: dict[str, Recipe] = {
     "ppo": train_ppo,
-    "sac": train_sac,
+    "ppo-gaussian": train_gaussian_ppo,
+    "sac": partial(train_off_policy, kind=SACConfig),
+    "td3": partial(train_off_policy, kind=TD3Config),
+    "tqc": partial(train_off_policy, kind=TQCConfig),
+    "crossq": partial(train_off_policy, kind=CrossQConfig),
     "bc": train_bc,
     "dagger": train_dagger,
     "bc-ppo": train_bc_ppo,
@@ -34,11 +49,15 @@ EXPERTS: dict[str, Recipe] = {
     "expert": expert,
     "open-loop": open_loop,
     "pd": cascaded_pd,
+    "hover": hover,
+    "random": random_actions,
     "pretrained": pretrained,
     "expert-no-margin": expert_no_margin,
     "mpc": mpc,
 }
 """Agents without training, and without a seed."""
+COMPARED_ON_FEW = ("ppo-gaussian", "sac", "td3", "tqc", "crossq", "bc-ppo")
+"""Learners that the full suite trains on two problems only, to end within a working day."""
 SCENARIO_ONLY = ("expert-no-margin", "mpc")
 """Agents that fly scenarios, but no distributions."""
 NEED_DEMONSTRATIONS, NEED_PLANS = {"bc", "dagger", "bc-ppo"}, {"expert", "open-loop"}

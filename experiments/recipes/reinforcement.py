@@ -1,50 +1,57 @@
-"""Reinforcement learning recipes: PPO and SAC with default configurations, and PPO fine-tuning of a cloned policy."""
+"""Reinforcement learning recipes: PPO, the algorithms with a replay buffer, and PPO from a cloned policy."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import replace
+from typing import Any
 
 from agents import policies
-from agents.training.configs import Config, PPOConfig, SACConfig
+from agents.training.configs import Config, OffPolicyConfig, PPOConfig
 from agents.training.train import Training, train
 from experiments.recipes.run_spec import RunSpec, TrainedAgent
 
-
-def train_ppo(spec: RunSpec) -> TrainedAgent:
-    """Train PPO with its default configuration."""
-    return with_default_config(spec, PPOConfig, spec.budget.ppo_steps)
+DISTRIBUTION_WIDTH = 128
+"""Units of the hidden layers of PPO on a distribution, twice as many as on a scenario."""
 
 
-def train_sac(spec: RunSpec) -> TrainedAgent:
-    """Train SAC with its default configuration."""
-    return with_default_config(spec, SACConfig, spec.budget.sac_steps)
+def train_ppo(spec: RunSpec, name: str = "ppo", **values: Any) -> TrainedAgent:
+    """Train PPO; `values` replace fields of its configuration, and `name` is that of the agent."""
+    which = spec.is_distribution
+    width: dict[str, Any] = {"width": DISTRIBUTION_WIDTH} if which else {}
+    budget: dict[str, Any] = {"max_seconds": spec.budget.ppo_s[which], "env_steps": spec.budget.ppo_steps[which]}
+    return train_or_resume(spec, PPOConfig(**common(spec, name), **budget, **width, **values))
 
 
-def with_default_config(spec: RunSpec, kind: type[Config], env_steps: int) -> TrainedAgent:
-    """Train with the default configuration of an algorithm, over that many environment steps."""
-    config = kind(
-        scenario=spec.problem,
-        seed=spec.seed,
-        max_seconds=spec.budget.max_seconds,
-        env_steps=env_steps,
-        folder=str(spec.file(kind.algorithm.lower(), "")),
-        n_eval_episodes=spec.budget.n_eval_episodes,
-    )
-    return train_or_resume(spec, config)
+def train_gaussian_ppo(spec: RunSpec) -> TrainedAgent:
+    """Train PPO with a Gaussian actor."""
+    return train_ppo(spec, "ppo-gaussian", bins=None)
+
+
+def train_off_policy(spec: RunSpec, kind: type[OffPolicyConfig]) -> TrainedAgent:
+    """Train an algorithm with a replay buffer, with its default configuration."""
+    budget: dict[str, Any] = {"max_seconds": spec.budget.off_policy_s, "env_steps": spec.budget.off_policy_steps}
+    return train_or_resume(spec, kind(**common(spec, kind.algorithm.lower()), **budget))
+
+
+def common(spec: RunSpec, name: str) -> dict[str, Any]:
+    """Return the fields that all trainings by reward share."""
+    return {
+        "scenario": spec.problem,
+        "seed": spec.seed,
+        "folder": str(spec.file(name, "")),
+        "n_eval_episodes": spec.budget.n_eval_episodes,
+    }
 
 
 def train_bc_ppo(spec: RunSpec) -> TrainedAgent:
     """Train PPO without a curriculum, from the policy cloned with the same seed; the cost of both is added."""
     budget = spec.budget
     config = PPOConfig(
-        scenario=spec.problem,
-        seed=spec.seed,
+        **common(spec, "bc-ppo"),
         policy=str(spec.file("bc", ".zip")),
         max_seconds=budget.finetuning_s,
         env_steps=budget.finetuning_steps,
-        folder=str(spec.file("bc-ppo", "")),
-        n_eval_episodes=budget.n_eval_episodes,
         tolerance=1.0,
         pool_share=0.0,
         pool_share_end=0.0,

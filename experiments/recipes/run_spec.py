@@ -24,9 +24,11 @@ class Budget:
     Pairs hold the value for a scenario, then the value for a distribution.
 
     Attributes:
-        max_seconds: wall time of PPO and of SAC [s].
+        ppo_s: pair, wall time of PPO [s].
+        off_policy_s: wall time of the algorithms with a replay buffer [s].
         finetuning_s: wall time of PPO that starts from a cloned policy [s].
-        ppo_steps, sac_steps, finetuning_steps: environment steps over which the training schedules run.
+        ppo_steps: pair, environment steps over which the schedules of PPO run.
+        off_policy_steps, finetuning_steps: the same of the others.
         expert_rollouts: episodes of the LQR expert that are cloned on a scenario; a DAgger round has half as many.
         demonstrations: optimal flights that are cloned on a distribution.
         gradient_steps: pair, gradient steps of behaviour cloning.
@@ -41,10 +43,11 @@ class Budget:
         mpc_episodes: episodes of MPC, which takes seconds each.
     """
 
-    max_seconds: float = 100.0
+    ppo_s: tuple[float, float] = (250.0, 600.0)
+    off_policy_s: float = 900.0
     finetuning_s: float = 50.0
-    ppo_steps: int = 2_500_000
-    sac_steps: int = 50_000
+    ppo_steps: tuple[int, int] = (5_000_000, 10_000_000)
+    off_policy_steps: int = 400_000
     finetuning_steps: int = 800_000
     expert_rollouts: int = 64
     demonstrations: int = 1_500
@@ -62,10 +65,11 @@ class Budget:
 
 FULL = Budget()
 SMOKE = Budget(
-    max_seconds=4.0,
+    ppo_s=(4.0, 4.0),
+    off_policy_s=4.0,
     finetuning_s=4.0,
-    ppo_steps=33_000,
-    sac_steps=2_000,
+    ppo_steps=(33_000, 33_000),
+    off_policy_steps=2_000,
     finetuning_steps=33_000,
     expert_rollouts=4,
     demonstrations=6,

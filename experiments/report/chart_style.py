@@ -14,7 +14,7 @@ from typing import Any
 import plotly.graph_objects as go
 
 from experiments.benchmark.agents import LEARNER_COLOURS, NAMES
-from experiments.figures import COLOURS, FAINT, FLAME, INK, OUTLINE
+from experiments.figures import COLOURS, FAINT, FLAME, FURTHER_COLOURS, INK, OUTLINE
 
 EXTERNAL_COLOURS = ("#12807a", "#b0487f", "#5a67c4", "#8a6d1f")
 """Colours of external policies and pretrained ones."""
@@ -25,6 +25,7 @@ DARK = {
     FLAME: "#f0b352",
     "white": "#12171c",
     **dict(zip(COLOURS, ("#55b7e0", "#f08a68", "#93c267", "#c795d6"), strict=True)),
+    **dict(zip(FURTHER_COLOURS, ("#9fd0e6", "#d9705f", "#f5b8a6", "#c2ae8c"), strict=True)),
     **dict(zip(EXTERNAL_COLOURS, ("#4cc2ba", "#e585b6", "#98a2f0", "#cfae58"), strict=True)),
 }
 """The dark theme's colours, by colour of the light theme."""
