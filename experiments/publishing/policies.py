@@ -6,6 +6,7 @@ import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from agents.imitation.dataset_aggregation import DaggerConfig
 from experiments.benchmark.formats import format_count
 from experiments.files import Row, plain
 from experiments.formats import format_percent, percent
@@ -40,9 +41,26 @@ def score_cells(card: Row) -> list[str]:
 def command_item(name: str, card: Row) -> str:
     """Return the command of a policy as a list item, with the commit of its recipe if the recipe has changed since."""
     item = f"- `{name}`: `{card['command']}`"
-    if card.get("commit") and card.get("configs") != current_configs(name, card):
+    if card.get("commit") and not same_recipe(card, current_configs(name, card)):
         item += f", with the recipe of commit {card['commit'][:7]}; today's recipe differs"
     return item
+
+
+def same_recipe(card: Row, today: list[Row]) -> bool:
+    """Return whether a policy would be trained with today's configurations as it was.
+
+    Fields that its card lacks did not exist and had the effect of their default. A time limit that was not reached had
+    none.
+    """
+    filled, seconds = plain(asdict(DaggerConfig())), card["score"]["wall_time_s"]
+
+    def effective(configs: list[Row]) -> list[Row]:
+        return [
+            {key: value for key, value in (filled | config).items() if key != "max_seconds" or value <= seconds}
+            for config in configs
+        ]
+
+    return effective(card.get("configs", [])) == effective(today)
 
 
 def current_configs(name: str, card: Row) -> list[Row]:

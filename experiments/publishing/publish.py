@@ -19,7 +19,7 @@ from experiments.publishing import chain, learner_figure, pictures
 from experiments.publishing.defaults import defaults
 from experiments.publishing.demonstrations import demos
 from experiments.publishing.environments import environments
-from experiments.publishing.learners import learners, scores
+from experiments.publishing.learners import learners, scores, trainings
 from experiments.publishing.paper import paper
 from experiments.publishing.policies import pretrained
 from experiments.publishing.scenarios import sheet, table, tracks
@@ -30,7 +30,16 @@ from flatgym.scenarios.distributions import Distribution
 from flatgym.scenarios.disturbances import Disturbances
 from flatgym.scenarios.scenario import Hoop, Scenario, Tolerance
 
-FILES = ("benchmark.json", "benchmark.csv", "paper.json", "solvers.json", "envs.json", "demos.json", "learners.json")
+FILES = (
+    "benchmark.json",
+    "benchmark.csv",
+    "paper.json",
+    "solvers.json",
+    "envs.json",
+    "demos.json",
+    "learners.json",
+    "trainings.json",
+)
 BLOCK = re.compile(r"(<!-- ([\w-]+) -->\n)(.*?)(<!-- /\2 -->)", re.DOTALL)
 MARKER = re.compile(r"<!-- /?[\w-]+ -->")
 BLOCKS: dict[str, Callable[[], str]] = {
@@ -47,6 +56,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "proven": chain.proven,
     "environments": lambda: environments(published("envs.json")),
     "learners": lambda: learners(published("learners.json")),
+    "trainings": lambda: trainings(published("trainings.json")),
     "pretrained": lambda: pretrained(PRETRAINED),
     "demonstrations": lambda: demos(published("demos.json")),
     **{

@@ -161,6 +161,13 @@ def test_pretrained_policies_are_listed_with_score_and_command(tmp_path):
     assert text.endswith(f"{command}, with the recipe of commit 0123456; today's recipe differs")
     (tmp_path / "hoop.json").write_text(json.dumps(card | {"configs": current_configs("hoop", card)}))
     assert pretrained(tmp_path).endswith(command)
+    earlier = [
+        {k: v for k, v in one.items() if k != "bins"} | {"max_seconds": 90.0} for one in current_configs("hoop", card)
+    ]
+    for seconds, same in ((26.0, True), (90.0, False)):
+        score = card["score"] | {"wall_time_s": seconds}
+        (tmp_path / "hoop.json").write_text(json.dumps(card | {"configs": earlier, "score": score}))
+        assert pretrained(tmp_path).endswith(command) == same
     failed = score_cells({"score": card["score"] | {"steps": None, "gap": None, "success_rate": 0.0}})
     assert failed[1:5] == ["0 %", "-", "70", "-"]
 
