@@ -30,6 +30,8 @@ from flatgym.validation import nonnegative
 Array = NDArray[np.float64]
 
 STATE_NAMES = ("x", "z", "vx", "vz", "theta")
+LIFT_LEAST = 1e-6
+"""Minimum of thrust_max - gravity for flights from rest to rest [m/s^2]; without it, their times would be infinite."""
 
 
 def spherical_bessel(a: Any, ops: Any = np) -> tuple[Any, Any]:
@@ -104,6 +106,15 @@ class Quadrotor:
             raise ValueError(f"Quadrotor.thrust_max must exceed thrust_min = {self.thrust_min}, got {self.thrust_max}")
         if self.rate_max == 0:
             raise ValueError("Quadrotor.rate_max must be positive, got 0: the vehicle could not tilt")
+
+    def require_hover(self, owner: str) -> None:
+        """Raise a ValueError if the vehicle cannot rest in the air; `owner` names the vehicle in it."""
+        if not self.thrust_min <= self.gravity <= self.thrust_max - LIFT_LEAST:
+            raise ValueError(
+                f"{owner} cannot hover, and start and goal are at rest: needs thrust_min <= gravity <= "
+                f"thrust_max - {LIFT_LEAST:g}, got {self.thrust_min} <= {self.gravity} <= {self.thrust_max} - "
+                f"{LIFT_LEAST:g}"
+            )
 
     @property
     def control_low(self) -> Array:

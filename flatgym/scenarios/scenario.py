@@ -19,8 +19,6 @@ from flatgym.validation import number, point, positive
 
 BOUNDS_MARGIN = 5.0
 """Distance of the bounds from the bounding box of start, goal and hoop centres [m]."""
-LIFT_LEAST = 1e-6
-"""Minimum of thrust_max - gravity [m/s^2]; without it, flight times and rewards would be infinite."""
 STEPS_MOST = 1_000_000
 """Maximum number of steps of a time limit."""
 
@@ -158,7 +156,7 @@ class Scenario(Content):
         for name, kind in (("quadrotor", Quadrotor), ("tolerance", Tolerance)):
             if not isinstance(getattr(self, name), kind):
                 raise ValueError(f"Scenario.{name} must be a {kind.__name__}, got {getattr(self, name)!r}")
-        self._check_vehicle()
+        self.quadrotor.require_hover("Scenario.quadrotor")
         self._check_heights()
         self._check_hoops()
         if self.dt * self.quadrotor.rate_max >= 2 * math.pi:
@@ -171,14 +169,6 @@ class Scenario(Content):
             raise ValueError(
                 f"Scenario.goal {self.goal} lies within tolerance.position = {self.tolerance.position} m "
                 f"of the start {self.start}: the start is already at the goal"
-            )
-
-    def _check_vehicle(self) -> None:
-        q = self.quadrotor
-        if not q.thrust_min <= q.gravity <= q.thrust_max - LIFT_LEAST:
-            raise ValueError(
-                f"Scenario.quadrotor cannot hover, and start and goal are at rest: needs thrust_min <= gravity <= "
-                f"thrust_max - {LIFT_LEAST:g}, got {q.thrust_min} <= {q.gravity} <= {q.thrust_max} - {LIFT_LEAST:g}"
             )
 
     def _check_heights(self) -> None:

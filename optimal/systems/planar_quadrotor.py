@@ -32,7 +32,8 @@ class PlanarQuadrotor(FlatSystem):
         quadrotor: the vehicle and its limits.
 
     Raises:
-        ValueError: without gravity. At rest the thrust vector then vanishes, and the flat output determines no tilt.
+        ValueError: without gravity, because at rest the thrust vector then vanishes, and the flat output determines no
+            tilt; for a vehicle that cannot hover.
     """
 
     quadrotor: Quadrotor = field(default_factory=Quadrotor)
@@ -49,6 +50,7 @@ class PlanarQuadrotor(FlatSystem):
                 "the flat method needs gravity > 0, because the thrust vector at rest determines the tilt there, got "
                 f'Quadrotor.gravity = {self.quadrotor.gravity}; use `optimal.solve(..., method="shooting")`'
             )
+        self.quadrotor.require_hover("Quadrotor")
 
     def dynamics(self, state: Symbol, control: Symbol) -> Symbol:
         """Return eqs. (3)-(5)."""

@@ -12,6 +12,7 @@ import pytest
 import optimal
 from flatgym.quadrotor import Quadrotor
 from flatgym.scenarios.catalogue import SCENARIOS
+from optimal.flat.following import follow
 from optimal.flat.initial_guess import INITIAL_SQUARED_SPEED, UNIT_STEP, motion, slow_start
 from optimal.flat.limits import constraint_violation
 from optimal.flat.planning import plan, pose
@@ -234,9 +235,15 @@ def test_the_same_problem_has_the_same_answer() -> None:
     assert again.iterations == planned("horizontal-6").iterations
 
 
+class Unchecked(PlanarQuadrotor):
+    """A planar quadrotor that may have no motion."""
+
+    def __post_init__(self) -> None:
+        """Take any vehicle."""
+
+
 def test_a_failed_solve_gives_a_reason_and_no_time() -> None:
-    # This vehicle cannot hover, which takes 9.81 m/s^2.
-    solution = plan([level(3, -1), level(3, 1)], Quadrotor(thrust_min=1.0, thrust_max=5.0), intervals=4)
+    solution = plan([level(3, -1), level(3, 1)], Unchecked(Quadrotor(thrust_max=5.0)), intervals=4)
     assert not solution.converged
     assert solution.time == np.inf
     assert solution.violation == np.inf
@@ -310,6 +317,30 @@ def test_without_gravity_a_flat_quadrotor_is_refused_before_any_solve(monkeypatc
             refused()
     with pytest.raises(ValueError, match=r"FullQuadrotor\.gravity must be positive.*got 0\.0"):
         FullQuadrotor(gravity=0.0, thrust_min=0.0)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "limits"),
+    [
+        (Quadrotor(thrust_max=5.0), r"1\.0 <= 9\.81 <= 5\.0 - 1e-06"),
+        (Quadrotor(thrust_max=9.81), r"1\.0 <= 9\.81 <= 9\.81 - 1e-06"),
+        (Quadrotor(thrust_min=10.0), r"10\.0 <= 9\.81 <= 20\.0 - 1e-06"),
+        (Quadrotor(gravity=0.5), r"1\.0 <= 0\.5 <= 20\.0 - 1e-06"),
+        (Quadrotor(gravity=24.8), r"1\.0 <= 24\.8 <= 20\.0 - 1e-06"),
+    ],
+)
+def test_a_vehicle_that_cannot_hover_is_refused_before_any_solve(
+    vehicle: Quadrotor, limits: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("planning", "following"):
+        monkeypatch.setattr(f"optimal.flat.{module}.optimise", lambda *_: pytest.fail("a solve began"))
+    for refused in (
+        lambda: plan([level(6, -1), level(6, 1)], vehicle),
+        lambda: follow(level(6, 0), vehicle),
+        lambda: replace(SCENARIOS["horizontal-6"], quadrotor=vehicle),
+    ):
+        with pytest.raises(ValueError, match=f"uadrotor cannot hover.*thrust_min <= gravity <= thrust_max.*{limits}"):
+            refused()
 
 
 @pytest.mark.parametrize("vehicle", [Quadrotor(thrust_min=0.5), Quadrotor(thrust_min=0.0)])
