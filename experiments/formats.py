@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import floor
 
-SHARES = {"success_rate": "", "gap": "+"}
+SHARES = {"success_rate": "", "success_low": "", "success_high": "", "gap": "+", "gap_low": "+", "gap_high": "+"}
 """Fields of rows that hold shares, and whether they are written with a sign."""
 SMALL_GAP = 0.01
 """Gap below which three decimals of a per cent are shown instead of one."""

@@ -23,7 +23,7 @@ from agents.policies import archive
 from agents.policies.actions import OneForMany, PolicyFailed, as_actions, shorten
 from agents.policies.exported import SUFFIXES, load_exported, torch_network
 from agents.policies.modules import check_place, load_object
-from agents.policies.normalization import load_statistics, normalized, with_statistics_beside
+from agents.policies.normalization import Normalized, normalized, with_statistics_beside
 from agents.policies.policy import Policy
 from agents.policies.spaces import Wrapped
 
@@ -64,7 +64,7 @@ def load_policy(name: str, trust: bool = False, *, normalize: str = "", algorith
         policy = Adapted(load_exported(name, trust), name)
     else:
         policy = Adapted(load_object(name), name)
-    return normalized(policy, load_statistics(normalize)) if normalize else policy
+    return normalized(policy, normalize) if normalize else policy
 
 
 class Adapted:
@@ -151,6 +151,15 @@ def innermost(policy: Any) -> Any:
     while isinstance(policy, (Adapted, Wrapped)):
         policy = policy.policy
     return policy
+
+
+def statistics_of(policy: Any) -> Path | None:
+    """Return the file of the VecNormalize statistics that a policy was loaded with, None without any."""
+    while isinstance(policy, (Adapted, Wrapped)):
+        if isinstance(policy, Normalized):
+            return policy.source
+        policy = policy.policy
+    return None
 
 
 def _keywords(call: Any) -> tuple[str, ...]:

@@ -1,10 +1,10 @@
-"""Fingerprint of a policy: the SHA-256 of the file that defines it.
+"""Fingerprint of a policy: the SHA-256 of the file that defines it, and of the statistics of its observations.
 
     fingerprint("my_policy.zip");  fingerprint("my_module:policy");  fingerprint("agents/mine.py:Policy")
 
-A zip holds the whole policy. Of an object, only the file of its module is read: modules that it imports and files
-that it loads are not part of the fingerprint. Nothing is loaded or run; only the packages around a dotted module name
-are imported.
+A zip holds the whole policy, except statistics of VecNormalize, which are a file of their own. Of an object, only the
+file of its module is read: modules that it imports and files that it loads are not part of the fingerprint. Nothing is
+loaded or run; only the packages around a dotted module name are imported.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ LENGTH = 64
 """Hexadecimal digits of a fingerprint."""
 
 
-def fingerprint(source: str | Path) -> str:
-    """Return the SHA-256 of a policy's file, in hexadecimal digits.
+def fingerprint(source: str | Path, statistics: Path | None = None) -> str:
+    """Return the SHA-256 of a policy's file, in hexadecimal digits; with statistics, that of both files' SHA-256.
 
     Args:
         source: path of a file, or "module:object", or "file.py:object".
+        statistics: file of the VecNormalize statistics with which it flies.
 
     Raises:
         ValueError: if there is no such file, or no such module with a source file.
@@ -30,7 +31,10 @@ def fingerprint(source: str | Path) -> str:
     path = Path(source)
     if not path.is_file():
         path = _source_file(str(source))
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    digest = hashlib.sha256(path.read_bytes())
+    if statistics is not None:
+        digest = hashlib.sha256(digest.digest() + hashlib.sha256(statistics.read_bytes()).digest())
+    return digest.hexdigest()
 
 
 def is_fingerprint(text: object) -> bool:

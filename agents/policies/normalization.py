@@ -51,11 +51,12 @@ class Normalized(Wrapped):
         policy: takes normalised observations.
         statistics: the VecNormalize of its training.
         space: the space of the observations before.
+        source: the file of the statistics.
     """
 
-    def __init__(self, policy: Policy, statistics: VecNormalize, space: Any) -> None:
+    def __init__(self, policy: Policy, statistics: VecNormalize, space: Any, source: Path) -> None:
         super().__init__(policy, space)
-        self.statistics = statistics
+        self.statistics, self.source = statistics, source
 
     def predict(
         self,
@@ -92,14 +93,15 @@ def load_statistics(path: str | Path) -> VecNormalize:
     return found
 
 
-def normalized(policy: Policy, statistics: VecNormalize) -> Policy:
-    """Return a policy that normalises observations as its training did.
+def normalized(policy: Policy, path: str | Path) -> Policy:
+    """Return a policy that normalises observations as its training did, with the statistics in a file.
 
     VecNormalize inside VecFrameStack normalises each frame, outside it the stack; the size of its statistics tells.
 
     Raises:
-        ValueError: for statistics of a size that does not belong to the policy's observations.
+        ValueError: for statistics of a size that does not belong to the policy's observations; as `load_statistics`.
     """
+    statistics, path = load_statistics(path), Path(path)
     if not statistics.norm_obs:
         return policy
     means: Any = getattr(statistics.obs_rms, "mean", ())  # of a dictionary of observations there are several
@@ -107,11 +109,11 @@ def normalized(policy: Policy, statistics: VecNormalize) -> Policy:
     space = getattr(policy, "observation_space", None)
     own = layout(space) if space is not None else next(iter(layouts(shape)), Layout())
     if space is None and shape == own.single.shape:
-        return Normalized(policy, statistics, own.single)
+        return Normalized(policy, statistics, own.single, path)
     if space is not None and shape == space.shape:
-        return Normalized(policy, statistics, space)
+        return Normalized(policy, statistics, space, path)
     if own.joined and shape == own.single.shape:
-        return Normalized(unstacked(policy, own), statistics, own.single)
+        return Normalized(unstacked(policy, own), statistics, own.single, path)
     raise ValueError(
         f"the statistics of VecNormalize have shape {shape}, the policy's observations "
         f"{own.single.shape if space is None else space.shape}: they are of another training"
@@ -153,7 +155,7 @@ def with_statistics_beside(model: BaseAlgorithm, path: Path, card: dict[str, Any
     else:
         said = f"observations are normalised with {place}"
     warnings.warn(said, PolicyWarning, stacklevel=2)
-    return model if place is None or trained is False else normalized(model, load_statistics(place))
+    return model if place is None or trained is False else normalized(model, place)
 
 
 def was_normalized(model: BaseAlgorithm) -> bool | None:

@@ -22,7 +22,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from agents import policies
 from agents.evaluation.scores import FasterThanOptimal
 from agents.evaluation.versions import versions
-from agents.policies.adapters import load_policy
+from agents.policies.adapters import load_policy, statistics_of
 from agents.policies.fingerprint import fingerprint
 from experiments.benchmark.conditions import fly_conditions
 from experiments.benchmark.results import collect, write_results
@@ -132,7 +132,8 @@ def run_external_cell(cell: Row, folder: str, budget: Row, policy: Row) -> None:
     """Run the cell of an external policy; all arguments as JSON holds them."""
 
     def recipe(_: RunSpec) -> TrainedAgent:
-        return TrainedAgent(load_policy(**policy), policy["name"], fingerprint=fingerprint(policy["name"]))
+        loaded = load_policy(**policy)
+        return TrainedAgent(loaded, policy["name"], fingerprint=fingerprint(policy["name"], statistics_of(loaded)))
 
     run_cell(Cell(**cell), Path(folder), Budget(**budget), recipe)
 

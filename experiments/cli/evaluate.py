@@ -12,7 +12,7 @@ from rich.progress import Progress
 from rich.text import Text
 
 import flatgym
-from experiments.cli.options import AsJson, Timeout, Trust
+from experiments.cli.options import AsJson, Normalize, Timeout, Trust
 from experiments.files import cache_folder, check_output
 from experiments.terminal import cell, command_line, messages, paragraph, progress_bar, show, table
 from flatgym.scenarios import catalogue
@@ -62,10 +62,7 @@ def evaluate(
         int, typer.Option(min=0, help="Seed of the first episode; training uses smaller ones.")
     ] = EVALUATION_SEED,
     trust: Trust = False,
-    normalize: Annotated[
-        str,
-        typer.Option(help="File of VecNormalize statistics; needs --trust.", show_default="the one beside the zip"),
-    ] = "",
+    normalize: Normalize = "",
     algorithm: Annotated[
         str, typer.Option(help="Algorithm of the zip, if it does not show it.", show_default=False)
     ] = "",

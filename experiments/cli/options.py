@@ -24,6 +24,9 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a ta
 Jobs = Annotated[int, typer.Option(help="Worker processes; -1 uses all cores.")]
 Backend = Annotated[str, typer.Option(help="loky: processes of this machine; ray: a Ray cluster, that of RAY_ADDRESS.")]
 Trust = Annotated[bool, typer.Option("--trust", help="Load policy zips from outside the package; they can run code.")]
+Normalize = Annotated[
+    str, typer.Option(help="File of VecNormalize statistics; needs --trust.", show_default="the one beside the zip")
+]
 Timeout = Annotated[float, typer.Option(min=1.0, help="Time limit for the episodes of an external policy, in seconds.")]
 Quick = Annotated[bool, typer.Option("--quick", help="Small sizes, to see that everything runs.")]
 ResultsFile = Annotated[Path | None, typer.Option("--out", help="The JSON file to write.", show_default=False)]

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.cli.options import AsJson, Timeout, Trust
+from experiments.cli.options import AsJson, Normalize, Timeout, Trust
 from experiments.files import cache_folder
 from experiments.terminal import progress_bar, show_record
 
@@ -30,6 +30,7 @@ def verify(
         ),
     ] = "",
     trust: Trust = False,
+    normalize: Normalize = "",
     timeout: Timeout = 300.0,
     as_json: AsJson = False,
 ) -> None:
@@ -42,6 +43,6 @@ def verify(
 
     with progress_bar() as bar:
         bar.add_task(f"verifying {file.name}", total=None, note="")
-        row = verify_file(file, cache_folder(), policy, trust, timeout)
+        row = verify_file(file, cache_folder(), policy, trust, timeout, normalize)
     show_record(row, as_json, row["verdict"].capitalize())
     raise typer.Exit(STATUS[row["verdict"]])

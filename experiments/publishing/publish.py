@@ -24,6 +24,7 @@ from experiments.publishing.paper import paper
 from experiments.publishing.policies import pretrained
 from experiments.publishing.scenarios import sheet, table, tracks
 from experiments.publishing.solvers import methods, optima
+from experiments.scoring import records
 from flatgym.files import write_text
 from flatgym.quadrotor import Quadrotor
 from flatgym.scenarios.distributions import Distribution
@@ -101,7 +102,7 @@ def filled(text: str, page: Path) -> str:
 
 
 def publish() -> None:
-    """Copy new results to the published ones, rebuild the tables of all pages, and draw the pictures.
+    """Copy new results to the published ones, rebuild tables and records, and draw the pictures.
 
     The pictures need the extra `figures` and a Chromium.
     """
@@ -110,6 +111,7 @@ def publish() -> None:
             write_text(PUBLISHED / name, (REPOSITORY_RESULTS / name).read_text(encoding="utf-8"))
     for page in pages():
         write_text(page, filled(page.read_text(encoding="utf-8"), page))
+    records.refresh(records.RECORDS)
     draw(PUBLISHED)
 
 

@@ -38,17 +38,11 @@ def with_hoop_margin(scenario: Scenario, margin: float) -> Scenario:
     return scenario.with_diameters(hoop.diameter - margin for hoop in scenario.hoops)
 
 
-def with_hoop_share(scenario: Scenario, share: float) -> Scenario:
-    """Return a scenario whose hoops keep a share of their free width, the diameter less that of the vehicle."""
-    least = 2 * scenario.quadrotor.radius
-    return scenario.with_diameters(least + share * (hoop.diameter - least) for hoop in scenario.hoops)
-
-
 def with_margins(scenario: Scenario) -> Scenario:
     """Return a scenario with the margins and guide hoops of its expert flight; one of one's own with OWN_MARGIN."""
     known = reference(scenario)
     if known is None:
-        tightened = with_hoop_share(scenario, HOOP_SHARE)
+        tightened = scenario.narrowed(HOOP_SHARE)
         pairs = zip(scenario.hoops, tightened.hoops, strict=True)
         return scenario.with_diameters(max(hoop.diameter - OWN_MARGIN, less.diameter) for hoop, less in pairs)
     tightened = with_hoop_margin(scenario, HOOP_MARGINS.get(known.scenario, 0.0))

@@ -8,7 +8,7 @@ import time
 import optimal
 from agents import demonstrations
 from experiments.files import SCHEMA, Row, read_json, write_json
-from experiments.recipes.margins import HOOP_SHARE, with_hoop_share
+from experiments.recipes.margins import HOOP_SHARE
 from experiments.recipes.run_spec import RunSpec
 from flatgym.scenarios.distributions import Distribution
 from optimal.batch import fewest_steps_many
@@ -46,7 +46,7 @@ def plan_flights(spec: RunSpec, first: int, count: int, share: float = HOOP_SHAR
         spec: a run on a distribution.
         first: seed of the first scenario.
         count: number of scenarios, of consecutive seeds.
-        share: of the hoops' free width, as in `with_hoop_share`.
+        share: of the hoops' free width, as in `Scenario.narrowed`.
 
     Raises:
         ValueError: where a scenario has no flight; all of them need one.
@@ -58,7 +58,7 @@ def plan_flights(spec: RunSpec, first: int, count: int, share: float = HOOP_SHAR
         seeds = range(begin, min(begin + BATCH_SIZE, first + count))
         record = spec.folder / f"planned-{spec.label}-{seeds.start}-{seeds.stop}.json"
         jobs, began = 1 if record.exists() else -1, time.perf_counter()
-        scenarios = [with_hoop_share(target.scenario(i), share) for i in seeds]
+        scenarios = [target.scenario(i).narrowed(share) for i in seeds]
         flights += fewest_steps_many(scenarios, jobs=jobs, store=store, progress=False)
         if not record.exists():
             write_json(record, {"planning_s": time.perf_counter() - began})

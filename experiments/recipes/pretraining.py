@@ -31,7 +31,7 @@ from agents.training.threads import torch_threads
 from experiments.files import USER_RESULTS, plain, write_json
 from experiments.provenance import provenance
 from experiments.recipes.imitation import DISTRIBUTION_NETWORK
-from experiments.recipes.margins import HOOP_SHARE, robust_flight, with_hoop_share
+from experiments.recipes.margins import HOOP_SHARE, robust_flight
 from flatgym import DISTRIBUTIONS, Distribution, Scenario
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.catalogue import Problem, ProblemLike
@@ -131,7 +131,7 @@ def pretrain_distribution(
     """Train a policy for a distribution, write it and its card, and return the card; arguments as of `pretrain`."""
     began, distribution = time.perf_counter(), DISTRIBUTIONS[name]
     config = replace(DISTRIBUTION_CONFIGS[name], scenario=name, seed=seed)
-    scenarios = [with_hoop_share(distribution.scenario(i), HOOP_SHARE) for i in range(N_FLIGHTS[name])]
+    scenarios = [distribution.scenario(i).narrowed(HOOP_SHARE) for i in range(N_FLIGHTS[name])]
     stored = len(list(STORE.glob(f"{name}-*.json")))
     flights = fewest_steps_many(scenarios, jobs=jobs, store=STORE)
     planned = time.perf_counter()

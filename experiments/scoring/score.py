@@ -24,7 +24,7 @@ from agents.evaluation.protocol import seed_warning
 from agents.evaluation.rollouts import fly
 from agents.evaluation.scores import check_optima, flight_rows
 from agents.policies import archive
-from agents.policies.adapters import ZIP, innermost
+from agents.policies.adapters import ZIP, innermost, statistics_of
 from agents.policies.fingerprint import fingerprint
 from experiments.files import Row
 from experiments.provenance import provenance
@@ -104,8 +104,7 @@ def score(
     rows = flight_rows(flown, submission.problem, submission.seed, known=known)
     if check and not submission.disturbances.active:
         check_optima(flown.actions, rows, submission.problem)
-    columns = {"agent": submission.name, "fingerprint": fingerprint_of(submission)} | flown.columns
-    row = score_file.scored(rows, submission.seed, submission.disturbances, **columns)
+    row = score_file.scored(rows, submission.seed, submission.disturbances, agent=submission.name, **flown.columns)
     return Scored(row, rows, flown, (*flown.notes, *filter(None, [note])))
 
 
@@ -139,6 +138,7 @@ def fly_fields(fields: Row, store: str | None) -> Row:
         "algorithm": type(model).__name__,
         "env_steps": getattr(model, "num_timesteps", None),
         "wall_time_s": round(time.perf_counter() - began, 2),
+        "fingerprint": fingerprint_of(submission, statistics_of(policy)),
     }
     return {
         "outcomes": flown.outcomes,
@@ -174,10 +174,10 @@ def find_k_star(problem: str, seeds: list[int], store: str | None) -> list[list[
     return [found.k_star.tolist(), found.proven.astype(float).tolist()]
 
 
-def fingerprint_of(submission: Submission) -> str | None:
-    """Return the fingerprint of a submission's policy, None for an object without a file."""
+def fingerprint_of(submission: Submission, statistics: Path | None) -> str | None:
+    """Return the fingerprint of a submission's policy with its statistics, None for an object without a file."""
     try:
-        return fingerprint(submission.source)
+        return fingerprint(submission.source, statistics)
     except ValueError:
         return None
 
@@ -191,7 +191,7 @@ def record(submission: Submission, scored: Scored, path: Path, command: str) -> 
         path: the file.
         command: the command line, for the record.
     """
-    policy = {"name": submission.name, "fingerprint": fingerprint_of(submission)}
+    policy = {"name": submission.name, "fingerprint": scored.row["fingerprint"]}
     problem = catalogue.problem(submission.problem)
     row, flights = scored.row | {"command": command}, score_file.flights(scored.rows, scored.flown.actions)
     score_file.write(path, problem, submission.disturbances, policy, row, flights, provenance(command))

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from agents.evaluation.optima import Optima, known_optima, optima
 from agents.evaluation.replay import FLEETS, Replay, replay
 from agents.evaluation.scores import flight_rows
-from agents.policies.fingerprint import fingerprint
 from experiments.files import Row
 from experiments.scoring.claim import NAMES_SHOWN, Claim, Refused, read
 from experiments.scoring.score_file import checksum, scored
@@ -197,9 +196,9 @@ def same(claimed: Any, ours: Any) -> bool:
     return math.isclose(claimed, ours, rel_tol=SAME, abs_tol=SAME) if all(numbers) else bool(claimed == ours)
 
 
-def check_fingerprint(claim: Claim, source: str) -> None:
-    """Raise Refused if a policy, named as for `fingerprint`, is not that of a claim."""
-    ours, theirs = fingerprint(source), claim.policy.get("fingerprint")
+def check_fingerprint(claim: Claim, source: str, ours: str | None) -> None:
+    """Raise Refused if the fingerprint of a policy is not that of a claim."""
+    theirs = claim.policy.get("fingerprint")
     if ours != theirs:
         raise Refused(f"its policy has the fingerprint {theirs}, and {source} has {ours}")
 

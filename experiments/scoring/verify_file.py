@@ -21,7 +21,14 @@ SHOWN = ("scenario", "agent", "seed", "episodes", "success_rate", "success_low",
 """Columns of the score in the answer."""
 
 
-def verify_file(path: Path, store: Path | None, policy: str = "", trust: bool = False, timeout: float = 300.0) -> Row:
+def verify_file(
+    path: Path,
+    store: Path | None,
+    policy: str = "",
+    trust: bool = False,
+    timeout: float = 300.0,
+    normalize: str = "",
+) -> Row:
     """Return the answer for a file as a row: file, verdict, reason, and the recomputed score, or what is proven.
 
     Args:
@@ -30,6 +37,7 @@ def verify_file(path: Path, store: Path | None, policy: str = "", trust: bool = 
         policy: a policy to compare with that of the score file, as for `Submission.policy`.
         trust: whether to load a zip from any folder.
         timeout: time limit for the policy [s].
+        normalize: file of the policy's VecNormalize statistics, "" for those beside a zip.
 
     Raises:
         OSError: if there is no such file.
@@ -46,29 +54,27 @@ def verify_file(path: Path, store: Path | None, policy: str = "", trust: bool = 
         return _row(path, Verification(Verdict.REFUSED, "Refused: it is neither a score file nor a proof."))
     found = verify(content, store)
     if policy and found.verdict is not Verdict.REFUSED:
-        found = _with_policy(content, found, store, policy, trust, timeout)
+        found = _with_policy(content, found, store, timeout, policy=policy, trust=trust, normalize=normalize)
     return _row(path, found) | {key: found.score[key] for key in SHOWN if key in found.score}
 
 
-def _with_policy(
-    content: Row, found: Verification, store: Path | None, policy: str, trust: bool, timeout: float
-) -> Verification:
-    """Return a verification that also holds for a policy. It is flown only if its fingerprint is that of the file."""
+def _with_policy(content: Row, found: Verification, store: Path | None, timeout: float, **policy: Any) -> Verification:
+    """Return a verification that also holds for a policy, given by fields of a Submission."""
     claim = claims.read(content)
     submission = Submission(
-        policy=policy,
+        **policy,
         scenario=claim.problem.to_json(),
-        trust=trust,
         episodes=len(claim.flights),
         seed=claim.seed,
         disturbances=claim.disturbances,
     )
     try:
-        check_fingerprint(claim, policy)
-        check_actions(claim, policy, fly_submission(submission, store, timeout).actions)
+        flown = fly_submission(submission, store, timeout)
+        check_fingerprint(claim, submission.policy, flown.columns["fingerprint"])
+        check_actions(claim, submission.policy, flown.actions)
     except claims.Refused as refused:
         return Verification(Verdict.REFUSED, f"Refused: {refused}.")
-    return Verification(found.verdict, f"{found.reason} {policy} flies the same actions.", found.score)
+    return Verification(found.verdict, f"{found.reason} {submission.policy} flies the same actions.", found.score)
 
 
 def _row(path: Path, found: Verification) -> Row:

@@ -15,7 +15,7 @@ from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenarios.content import Content, build, fields_of
 from flatgym.scenarios.counter_rng import SCENE, uniform
 from flatgym.scenarios.layouts import PER_HOOP, PLACED, uniforms_needed, write_scene
-from flatgym.scenarios.scenario import Hoop, Scenario, Tolerance, build_parts, steps_within
+from flatgym.scenarios.scenario import GAP_LEAST, Hoop, Scenario, Tolerance, build_parts, steps_within
 from flatgym.validation import number, pair, positive
 
 HOOPS_MOST = 8
@@ -81,9 +81,10 @@ class Distribution(Content):
         narrow, wide = (
             number("Distribution", "diameter", width) for width in pair("Distribution", "diameter", self.diameter)
         )
-        if not 2 * self.quadrotor.radius < narrow <= wide:
+        least = 2 * self.quadrotor.radius + GAP_LEAST
+        if not least <= narrow <= wide:
             raise ValueError(
-                f"Distribution.diameter must be two widths a <= b above twice the radius "
+                f"Distribution.diameter must be two widths {least:.9g} m <= a <= b for a body of radius "
                 f"{self.quadrotor.radius} m, got {self.diameter}"
             )
         object.__setattr__(self, "diameter", (narrow, wide))

@@ -19,6 +19,8 @@ from flatgym.validation import number, point, positive
 
 BOUNDS_MARGIN = 5.0
 """Distance of the bounds from the bounding box of start, goal and hoop centres [m]."""
+GAP_LEAST = 1e-7
+"""Minimum width of a gap beyond that of the body [m]; solvers and certificates cannot tell smaller ones from none."""
 STEPS_MOST = 1_000_000
 """Maximum number of steps of a time limit."""
 
@@ -187,10 +189,10 @@ class Scenario(Content):
             where = f"Scenario.hoops[{i}]"
             if not isinstance(hoop, Hoop):
                 raise ValueError(f"{where} must be a Hoop, got {hoop!r}")
-            if hoop.diameter <= 2 * self.quadrotor.radius:
+            if hoop.diameter < self.narrowest_gap:
                 raise ValueError(
                     f"{where}: a gap of {hoop.diameter} m is too small for a body of "
-                    f"radius {self.quadrotor.radius} m; it must exceed {2 * self.quadrotor.radius} m"
+                    f"radius {self.quadrotor.radius} m; it must be at least {self.narrowest_gap:.9g} m wide"
                 )
             reach = hoop.half_gap(self.quadrotor.radius) * abs(math.cos(hoop.angle))
             low, high = self.heights
@@ -228,6 +230,17 @@ class Scenario(Content):
             -math.inf if self.floor is None else self.floor,
             math.inf if self.ceiling is None else self.ceiling,
         )
+
+    @property
+    def narrowest_gap(self) -> float:
+        """Minimum diameter of a hoop: that of the body, and GAP_LEAST [m]."""
+        return 2 * self.quadrotor.radius + GAP_LEAST
+
+    def narrowed(self, share: float) -> Scenario:
+        """Return the scenario with gaps that keep a share of their free width, their width less that of the body."""
+        body = 2 * self.quadrotor.radius
+        widths = (body + share * (hoop.diameter - body) for hoop in self.hoops)
+        return self.with_diameters(max(width, self.narrowest_gap) for width in widths)
 
     def with_diameters(self, diameters: Iterable[float]) -> Scenario:
         """Return the scenario with other gap widths [m], one for each hoop.

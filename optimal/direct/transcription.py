@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from flatgym.quadrotor import Array, exact_step
-from flatgym.scenarios.scenario import Hoop, Scenario
+from flatgym.scenarios.scenario import GAP_LEAST, Hoop, Scenario
 from optimal.flights.trajectory import Flight
 
 MIN_LEG = 0.1
@@ -102,7 +102,7 @@ def _common_gap(first: Hoop, second: Hoop, radius: float) -> Hoop | None:
     parallel = abs(float(first.across @ second.direction)) < PARALLEL and float(first.direction @ second.direction) > 0
     low = max(-first.diameter, 2 * aside - second.diameter) / 2
     high = min(first.diameter, 2 * aside + second.diameter) / 2
-    if not (parallel and CLOSE[0] < ahead <= CLOSE[1] and high - low > 2 * radius):
+    if not (parallel and CLOSE[0] < ahead <= CLOSE[1] and high - low >= 2 * radius + GAP_LEAST):
         return None
     x, z = (first.centre + first.across * (low + high) / 2).tolist()
     return Hoop(x, z, high - low, first.angle)

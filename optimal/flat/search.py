@@ -84,7 +84,7 @@ def starting_flights(scenario: Scenario, windings: Sequence[int]) -> list[Shooti
     """
     shots = _fastest(scenario, windings)
     if any(_turns_round(scenario, shot) for shot in shots):
-        return _fastest(scenario.with_diameters(NARROWER * hoop.diameter for hoop in scenario.hoops), windings)
+        return _fastest(scenario.narrowed(NARROWER), windings)
     return shots
 
 

@@ -6,6 +6,7 @@ import pytest
 
 import optimal
 from flatgym import Hoop, Quadrotor, Scenario, Tolerance, task
+from flatgym.scenarios.scenario import GAP_LEAST
 from flatgym.task.scene import GOAL
 from optimal.direct.transcription import CLOSE, distinct_hoops
 
@@ -28,7 +29,8 @@ HOOPS = {
     "behind the start": (Hoop(-0.5, 0, 1),),
     "beyond the goal": (Hoop(6, 0, 1),),
     "far beyond the goal": (Hoop(7, 0, 1),),
-    "narrow": (Hoop(2.5, 0, 1e-5),),
+    "narrowest": (Hoop(2.5, 0, GAP_LEAST),),
+    "narrowest, aside": (Hoop(2.5, 0.5, GAP_LEAST, 0.5),),
 }
 SCENARIOS = {name: Scenario(name, (0, 0), GOAL_AT, hoops=hoops, time_limit=10.0) for name, hoops in HOOPS.items()} | {
     "a slow turner": Scenario("slow", (0, 0), (3, 0), quadrotor=Quadrotor(rate_max=0.1), time_limit=10.0),
@@ -81,5 +83,6 @@ def test_hoops_are_replaced_by_one_only_where_a_flight_passes_them_at_once():
         Hoop(2.5 + 1e-6, 0, 1, 0.01),
         Hoop(2.5 + 2 * CLOSE[1], 0, 1),
         Hoop(2.5 + 1e-6, 1.5, 1),
+        Hoop(2.5 + 1e-6, 1 - GAP_LEAST / 2, 1),
     ):
         assert reduced(AHEAD, other) == (AHEAD, other)

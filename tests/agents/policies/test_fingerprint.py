@@ -48,6 +48,17 @@ def test_a_policy_without_a_file_is_named(source, message):
         fingerprint(source)
 
 
+def test_statistics_are_part_of_the_fingerprint(tmp_path):
+    policy, one, other = (tmp_path / name for name in ("policy.zip", "one.pkl", "other.pkl"))
+    for path in (policy, one, other):
+        path.write_text(path.name)
+    prints = {fingerprint(policy), fingerprint(policy, one), fingerprint(policy, other), fingerprint(one, policy)}
+    assert len(prints) == 4
+    assert all(map(is_fingerprint, prints))
+    other.write_text(one.name)
+    assert fingerprint(policy, other) == fingerprint(policy, one)
+
+
 @pytest.mark.parametrize("text", [None, 3, "", "0" * 63, "g" * 64, "A" * 64, "0" * 65, "0" * 64 + "\n"])
 def test_only_64_lower_case_digits_are_a_fingerprint(text):
     assert not is_fingerprint(text)

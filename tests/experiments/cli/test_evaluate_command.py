@@ -231,8 +231,14 @@ def test_a_normalised_model_brings_its_statistics(monkeypatch, capsys, tmp_path)
     row, err = scored(monkeypatch, capsys, *arguments)
     assert "note: sac.zip seems to have been trained under VecNormalize" in err
     assert row["algorithm"] == "SAC"
-    _, err = scored(monkeypatch, capsys, *arguments, "--normalize", "elsewhere.pkl")
+    assert row["fingerprint"] == fingerprint("sac.zip")
+    row, err = scored(monkeypatch, capsys, *arguments, "--normalize", "elsewhere.pkl", "--out", "score.json")
     assert "note" not in err
+    assert row["fingerprint"] == fingerprint("sac.zip", Path("elsewhere.pkl")) != fingerprint("sac.zip")
+    same = ("verify", "score.json", "--policy", "sac.zip", "--trust")
+    assert flatquad(monkeypatch, capsys, *same, "--normalize", "elsewhere.pkl")[0] == 0
+    status, out, _ = flatquad(monkeypatch, capsys, *same)
+    assert (status, "its policy has the fingerprint" in " ".join(out.split())) == (2, True)
     status, _, err = evaluate(monkeypatch, capsys, *arguments, "--normalize", "nowhere.pkl")
     assert (status, "no statistics of VecNormalize at nowhere.pkl" in err) == (2, True)
 
@@ -261,7 +267,7 @@ def test_a_score_is_printed_before_its_page_is_made(monkeypatch, capsys, tmp_pat
             "return observation[:, :2] * float('nan')",
             "returned the action [nan, nan] for observation 0 of 1; both numbers must be finite",
         ),
-        ("while True: pass", "no answer within 5 s; --timeout grants more"),
+        ("while True: pass", "no answer within 1 s; --timeout grants more"),
         ("import torch; return torch.ones(2)[:, None, None]", "returned actions of shape (2, 1, 1)"),
         ("import os; os._exit(3)", "ended without an answer, with exit code 3"),
     ],
@@ -269,7 +275,8 @@ def test_a_score_is_printed_before_its_page_is_made(monkeypatch, capsys, tmp_pat
 def test_a_policy_that_misbehaves_is_reported(monkeypatch, capsys, tmp_path, body, words):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "hostile.py").write_text(f"def policy(observation):\n    {body}\n")
-    status, out, err = evaluate(monkeypatch, capsys, "hostile:policy", "--scenario", "climb", "--timeout", "5")
+    timeout = "1" if "while" in body else "60"
+    status, out, err = evaluate(monkeypatch, capsys, "hostile:policy", "--scenario", "climb", "--timeout", timeout)
     assert (status, out) == (2, "")
     assert words in err
 

@@ -158,6 +158,7 @@ def test_a_goal_too_near_after_all_tries_is_moved_outwards():
         ({"hoops": (2, 1)}, r"hoops must be two whole numbers 0 <= a <= b <= 8"),
         ({"hoops": (0, 9)}, r"hoops must be two whole numbers 0 <= a <= b <= 8"),
         ({"diameter": (0.1, 0.5), "quadrotor": Quadrotor(radius=0.1)}, "diameter must be two widths"),
+        ({"diameter": (1e-8, 0.5)}, "diameter must be two widths 1e-07 m <= a <= b"),
         ({"dt": 1.0}, "no step makes a whole turn"),
         ({"time_limit": 0.001}, "time_limit must be at least dt"),
         ({"turn": np.nan}, "turn must be finite"),

@@ -30,7 +30,7 @@ def test_a_written_task_reads_back(task, suffix, tmp_path):
     assert catalogue.problem(str(path)) == catalogue.problem(path) == task
 
 
-@given(st.text(st.characters(codec="utf-8"), min_size=1), st.floats(-1e6, 1e6), st.floats(1e-9, 1e6))
+@given(st.text(st.characters(codec="utf-8"), min_size=1), st.floats(-1e6, 1e6), st.floats(1e-7, 1e6))
 def test_any_name_and_number_survive_toml(tmp_path_factory, name, x, width):
     path = tmp_path_factory.mktemp("toml") / "track.toml"
     task = Scenario(name, (0, 0), (3, 0), hoops=(Hoop(x, 0, width),))

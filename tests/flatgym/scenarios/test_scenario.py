@@ -62,6 +62,8 @@ def plain(**changes):
         (lambda: plain(floor=0.0, hoops=(Hoop(2, -3, 0.5),)), r"hoops\[0\] lies wholly below the floor"),
         (lambda: plain(ceiling=5.0, hoops=(Hoop(2, 9, 0.5),)), r"hoops\[0\] lies wholly above the ceiling"),
         (lambda: plain(hoops=(Hoop(2, 2, 0.5),), quadrotor=Quadrotor(radius=0.3)), "too small for a body"),
+        (lambda: plain(hoops=(Hoop(2, 2, 0.6),), quadrotor=Quadrotor(radius=0.3)), "must be at least 0.6000001 m wide"),
+        (lambda: plain(hoops=(Hoop(2, 2, 9e-8),)), "a gap of 9e-08 m is too small .* at least 1e-07 m"),
         (lambda: plain(hoops=("ring",)), r"hoops\[0\] must be a Hoop, got 'ring'"),
         (lambda: plain(dt=0.0), "dt must be positive, got 0.0"),
         (lambda: plain(dt=0.7), "dt must be below 2 pi / rate_max = 0.6283 s"),
@@ -109,4 +111,13 @@ def test_with_diameters_changes_gap_widths_only_and_checks_them():
     with pytest.raises(ValueError, match="needs 3 widths, one a hoop, got 2"):
         scenario.with_diameters([0.3, 0.4])
     with pytest.raises(ValueError, match="too small for a body of radius"):
+        scenario.with_diameters([0.5, 1e-8, 0.5])
+    with pytest.raises(ValueError, match="too small for a body of radius"):
         replace(scenario, quadrotor=Quadrotor(radius=0.1)).with_diameters([0.5, 0.2, 0.5])
+
+
+def test_narrowed_gaps_keep_a_share_of_their_free_width():
+    body = replace(SCENARIOS["slalom"], quadrotor=Quadrotor(radius=0.1))
+    assert [hoop.diameter for hoop in body.narrowed(0.5).hoops] == pytest.approx([0.35, 0.35, 0.35])
+    assert body.narrowed(1.0).hoops == body.hoops
+    assert body.narrowed(0.0).hoops[0].diameter == body.narrowest_gap == pytest.approx(0.2, abs=2e-7)
