@@ -75,6 +75,9 @@ from flatgym.quadrotor import Array
 from optimal.proof.programme.tilt_program import Integers, Tilts, best_neighbour, follow, sweep
 from optimal.proof.programme.zero_order_hold import hold_follow, hold_sweep
 
+ALL_ROWS, TWO_ROWS = np.bool_(True), np.bool_(False)
+"""Values of `keep` in `sweep`; a literal would be a type of its own, for which the callees are compiled again."""
+
 
 class Chain(NamedTuple):
     """The terms of all chains for one set of multipliers; m + 2 stations, N time steps.
@@ -210,7 +213,7 @@ def best_values(begin, chain, tilts, limits, values, choices):  # type: ignore[n
             for k1 in next_instants(chain, i, k0):
                 s_x, s_z = _slope(chain, i, k0, k1, dt)
                 _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, two[0])
-                row = two[_sweep(chain, tilts, limits, i, begin, k0, k1, two, False)]
+                row = two[_sweep(chain, tilts, limits, i, begin, k0, k1, two, TWO_ROWS)]
                 constant = _constants(chain, i, k0, k1, s_x, s_z)
                 for end in range(2 if i > 0 else 1):
                     place, best, choice = chain.places[i, end], values[at, end], choices[at, end]
@@ -229,12 +232,12 @@ def best_chain(begin, chain, tilts, limits, values, choices, start):  # type: ig
     stations, count, dt = chain.weights.shape[0], chain.common.shape[0] - 1, limits.dt
     passing, ends, path = np.zeros(stations, np.int64), np.zeros(stations, np.int64), np.zeros(count + 1, np.int64)
     rows = np.empty((count + 1, tilts.sin.shape[0]))
-    k0, end, j = 0, 0, start
+    k0, end, j = np.int64(0), 0, start  # of one type in all iterations, so that callees are compiled once
     for i in range(stations - 1):
-        k1 = choices[row_at(chain, i, k0), end, j]
+        k1 = np.int64(choices[row_at(chain, i, k0), end, j])
         s_x, s_z = _slope(chain, i, k0, k1, dt)
         _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, rows[k1 - k0])
-        _sweep(chain, tilts, limits, i, begin, k0, k1, rows, True)
+        _sweep(chain, tilts, limits, i, begin, k0, k1, rows, ALL_ROWS)
         if tilts.hold.parts > 0:
             left, right = chain.weights[i], chain.weights[i + 1]
             j = hold_follow(k0, k1, left, right, chain.common, tilts, limits, rows, path, j)
@@ -266,7 +269,7 @@ def best_through(begin, chain, tilts, limits, first, values, backward, past):  #
             for k1 in next_instants(chain, i, k0):
                 s_x, s_z = _slope(chain, i, k0, k1, dt)
                 _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, two[0])
-                row = two[_sweep(chain, tilts, limits, i, begin, k0, k1, two, False)]
+                row = two[_sweep(chain, tilts, limits, i, begin, k0, k1, two, TWO_ROWS)]
                 constant, found = _constants(chain, i, k0, k1, s_x, s_z), -np.inf
                 for end in range(2 if i > 0 else 1):
                     place = chain.places[i, end]
