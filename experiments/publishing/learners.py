@@ -7,10 +7,11 @@ the gap is to K* of the nominal vehicle; with a tail wind it can be negative.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import inf, isinf
 
 import numpy as np
 
-from experiments.benchmark.agents import display_name
+from experiments.benchmark.agents import display_name, table_position
 from experiments.benchmark.conditions import COMBINED, NOMINAL
 from experiments.benchmark.formats import describe_disturbances, format_count, format_gap, format_success, join_names
 from experiments.benchmark.shipped import EARLIER, shown_name
@@ -23,12 +24,18 @@ from experiments.benchmark.summary import (
     samples_to_target,
     summarise,
 )
+from experiments.benchmark.work import SAMPLES, SECONDS, gaps_by_work
 from experiments.files import Row
 from experiments.formats import format_percent, percent
 from experiments.provenance import provenance_sentence
 from experiments.publishing.learner_figure import PICTURE
 from experiments.publishing.markdown import markdown, paragraph
 
+WORK_NOTE = (
+    "The smallest gap in validation within so many samples, env steps and expert labels, and within so much training "
+    f"time: the median over seeds, of validations with {percent(TARGET_SUCCESS, 0)} success, a dash where half of the "
+    "seeds have none; the least are bold."
+)
 PACKAGES = ("flatgym", "stable-baselines3", "torch")
 """Packages whose versions are stated."""
 
@@ -44,6 +51,16 @@ def learners(results: Row) -> str:
         f"![Success, gap and learning curves of all agents](experiments/results/published/{PICTURE})",
         markdown(nominal, list(nominal_lines(results, scores))),
         paragraph(nominal_note(results, scores)),
+        markdown(
+            [
+                "task",
+                "agent",
+                *(f"{limit:.0e} samples".replace("e+0", "e") for limit in SAMPLES),
+                *(f"{s:.0f} s" for s in SECONDS),
+            ],
+            list(work_lines(results)),
+        ),
+        paragraph(WORK_NOTE),
         markdown(["task", "agent", *results["conditions"]], list(disturbed_lines(results, scores))),
         paragraph(disturbed_note(results, scores)),
         paragraph(study_provenance(results)),
@@ -92,6 +109,25 @@ def nominal_lines(results: Row, scores: Scores) -> Iterator[list[str]]:
             f"{mean(cells, 'training_s'):.0f}" if trained else "-",
             median_samples(samples) if trained else "-",
         ]
+
+
+def work_lines(results: Row) -> Iterator[list[str]]:
+    """Yield the lines of the gaps that learners reach within so many samples and seconds; the least are bold."""
+    for problem in sorted(results["k_star"]):
+        agents = dict.fromkeys(
+            cell["agent"] for cell in results["cells"] if cell["problem"] == problem and cell.get("curve")
+        )
+        rows = {
+            agent: gaps_by_work(cells_of(results, problem, agent), results["validation_k_star"][problem])
+            for agent in sorted(agents, key=table_position)
+        }
+        least = [min(column) for column in zip(*rows.values(), strict=True)]
+        for agent, gaps in rows.items():
+            texts = [("-" if isinf(gap) else percent(gap, sign="+")) for gap in gaps]
+            marked = [
+                f"**{text}**" if gap == best < inf else text for text, gap, best in zip(texts, gaps, least, strict=True)
+            ]
+            yield [f"`{problem}`", display_name(agent), *marked]
 
 
 def mean(cells: Sequence[Row], key: str) -> float:

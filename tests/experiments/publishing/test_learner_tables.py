@@ -29,7 +29,8 @@ def cell(problem, agent, seed=0, steps=None, curve=(), **others):
 
 def point(steps, success_rate, env_steps, expert_labels=0):
     """Return a point of a learning curve."""
-    return {"env_steps": env_steps, "expert_labels": expert_labels, "success_rate": success_rate, "steps": steps}
+    samples = {"env_steps": env_steps, "expert_labels": expert_labels, "wall_time_s": env_steps / 1e4}
+    return samples | {"success_rate": success_rate, "steps": steps}
 
 
 @pytest.fixture
@@ -69,11 +70,20 @@ def words(text):
     return " ".join(text.split())
 
 
+def test_learners_have_a_line_with_their_gaps_by_work(results):
+    samples = {tuple(line[:2]): line[2:5] for line in lines(learners(results), 1)}
+    assert samples == {
+        ("`hoop`", "SAC"): ["-", "-", "-"],
+        ("`hoop`", "DAgger"): ["**+0.0 %**"] * 3,
+        ("`random-goal`", "PPO"): ["**+36.4 %**", "**+36.4 %**", "**+22.7 %**"],
+    }
+
+
 def test_every_agent_has_a_line_in_both_tables_in_the_order_of_names(results):
     text = learners(results)
     wanted = [("`hoop`", name) for name in ("SAC", "DAgger", "expert", "open-loop replay")]
     wanted += [("`random-goal`", name) for name in ("PPO", "cascaded PD")]
-    for which in (0, 1):
+    for which in (0, 2):
         assert [tuple(line[:2]) for line in lines(text, which)] == wanted
 
 
