@@ -9,6 +9,9 @@ For the distance to a line with normal n, the intervals on which it is monotone 
 
 with c the acceleration by gravity and wind, is zero at theta = beta +- arccos(-n . c / f). Between these tilts the
 velocity along n is monotone and has at most one root. Between those roots the distance is monotone.
+
+The arrays may be those of NumPy, PyTorch or JAX (`flatgym.arrays`). No search writes into an array or branches on a
+value, and each has a bounded length.
 """
 
 from __future__ import annotations
@@ -18,46 +21,50 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from flatgym.quadrotor import Array, Quadrotor
+from flatgym.arrays import constant, hypot, like, namespace, repeat
+from flatgym.quadrotor import Array, Quadrotor, exact_step
 
-Function = Callable[[Array], tuple[Array, Array]]
+Function = Callable[[Any], tuple[Any, Any]]
 
 ROOT_ITERATIONS = 60
 """Maximum number of Newton or bisection iterations."""
 ROOT_WIDTH = 1e-12
-"""Width of the final bracket of a root [s]; at 20 m/s this is 2e-11 m."""
+"""Width of the final bracket of a root [s]; at 20 m/s this is 2e-11 m. In single precision a few roundings."""
 SAGITTA_TOLERANCE = 1e-10
-"""Sagitta below which a part of an arc is not divided further [m]."""
+"""Sagitta below which a part of an arc is not divided further [m]. In single precision a few roundings of 1 m."""
 
 
-def rising_root(function: Function, low: Array, high: Array) -> Array:
-    """Return the root of `function` in each bracket [low, high], shape (n,).
+def rising_root(function: Function, low: Any, high: Any) -> Any:
+    """Return the root of `function` in each bracket [low, high], shape (...).
 
     Args:
-        function: maps times (n,) to values (n,) and slopes (n,); negative at `low`, nonnegative at `high`.
-        low, high: the brackets [s], shape (n,).
+        function: maps times (...) to values and slopes; negative at `low`, nonnegative at `high`.
+        low, high: the brackets [s], shape (...).
 
     Newton's method, with bisection where it leaves the bracket. The result is the upper end of the final bracket, so
-    the value there is not negative.
+    the value there is not negative. A bracket as narrow as ROOT_WIDTH does not change any more.
     """
-    low, high = low.copy(), high.copy()
-    time = (low + high) / 2
-    for _ in range(ROOT_ITERATIONS):
+    xp = namespace(low, high)
+    width = xp.maximum(4 * xp.finfo(high.dtype).eps * high, xp.full_like(high, ROOT_WIDTH))
+
+    def goes_on(low: Any, high: Any, _: Any, count: Any) -> Any:
+        return xp.any(high - low > width) & (count < ROOT_ITERATIONS)
+
+    def narrow(low: Any, high: Any, time: Any, count: Any) -> tuple[Any, ...]:
         value, slope = function(time)
-        rising = value >= 0
-        high = np.where(rising, time, high)
-        low = np.where(rising, low, time)
-        if np.all(high - low <= ROOT_WIDTH):
-            break
-        with np.errstate(divide="ignore", invalid="ignore"):
-            newton = time - value / slope
+        wide, rising = high - low > width, value >= 0
+        high = xp.where(wide & rising, time, high)
+        low = xp.where(wide & ~rising, time, low)
+        flat = slope == 0
         # Slightly beyond Newton's point, so that both ends of the bracket move.
-        newton = newton + np.where(rising, -ROOT_WIDTH, ROOT_WIDTH) / 4
-        inside = (newton > low) & (newton < high)
-        time = np.where(inside, newton, (low + high) / 2)
-    return high
+        beyond = xp.where(rising, -width, width) / 4
+        newton = time - value / xp.where(flat, xp.ones_like(slope), slope) + beyond
+        inside = ~flat & (newton > low) & (newton < high)
+        return low, high, xp.where(inside, newton, (low + high) / 2), count + 1
+
+    count = xp.zeros((), **(like(low) | {"dtype": xp.int32}))
+    return repeat(goes_on, narrow, low, high, (low + high) / 2, count)[1]
 
 
 class Arc:
@@ -71,98 +78,119 @@ class Arc:
         wind: constant acceleration in addition to gravity [m/s^2], shape (n, 2) or (2,).
     """
 
-    def __init__(
-        self, quadrotor: Quadrotor, state: Array, control: Array, dt: Array | float, wind: ArrayLike = 0.0
-    ) -> None:
-        self.quadrotor, self.state, self.control = quadrotor, state, control
-        self.dt = np.broadcast_to(np.asarray(dt, dtype=np.float64), (len(state),))
-        self.wind = np.broadcast_to(np.asarray(wind, dtype=np.float64), (len(state), 2))
+    def __init__(self, quadrotor: Quadrotor, state: Any, control: Any, dt: Any, wind: Any = 0.0) -> None:
+        xp = self.xp = namespace(state, control)
+        self.quadrotor, self.state, self.control, n = quadrotor, state, control, state.shape[0]
+        self.dt = xp.broadcast_to(xp.asarray(dt, **like(state)), (n,))
+        self.wind = xp.broadcast_to(xp.asarray(wind, **like(state)), (n, 2))
 
-    def __getitem__(self, rows: NDArray[Any]) -> Arc:
+    def __getitem__(self, rows: Any) -> Arc:
         """Return the arcs of the vehicles selected by a mask or by indices."""
         return Arc(self.quadrotor, self.state[rows], self.control[rows], self.dt[rows], self.wind[rows])
 
     def __len__(self) -> int:
-        return len(self.state)
+        return int(self.state.shape[0])
 
     @property
-    def reach(self) -> Array:
+    def arrays(self) -> tuple[Any, ...]:
+        """State, control, dt and wind; `Arc(quadrotor, *arrays)` is the inverse."""
+        return self.state, self.control, self.dt, self.wind
+
+    @property
+    def constant(self) -> Arc:
+        """The same arcs, through which no gradient flows."""
+        return Arc(self.quadrotor, *(constant(array) for array in self.arrays))
+
+    @property
+    def reach(self) -> Any:
         """A bound of the distance travelled within the step [m], shape (n,); it rules out most events."""
-        speed = np.hypot(self.state[:, 2], self.state[:, 3])
+        speed = hypot(self.state[:, 2], self.state[:, 3])
         return speed * self.dt + self.acceleration_bound * self.dt**2
 
     @property
-    def pull(self) -> Array:
-        """Constant acceleration by gravity and wind [m/s^2], shape (n, 2)."""
-        return self.wind - np.array([0.0, self.quadrotor.gravity])
+    def pull(self) -> tuple[Any, Any]:
+        """The constant acceleration along x and z by gravity and wind [m/s^2], each shape (n,)."""
+        return self.wind[:, 0], self.wind[:, 1] - self.quadrotor.gravity
 
     @property
-    def acceleration_bound(self) -> Array:
+    def acceleration_bound(self) -> Any:
         """A bound of |p''| [m/s^2], shape (n,)."""
-        return self.control[:, 0] + np.hypot(self.pull[:, 0], self.pull[:, 1])
+        return self.control[:, 0] + hypot(*self.pull)
 
-    def at(self, time: Array | float) -> Array:
-        """Return the states `time` seconds into the step, shape (n, 5)."""
-        state = self.quadrotor.step(self.state, self.control, time)
-        blown = np.broadcast_to(time, (len(self),))[:, None] * self.wind
-        state[:, 0:2] += blown * np.reshape(time, (-1, 1)) / 2
-        state[:, 2:4] += blown
-        return state
+    def components(self, time: Any) -> tuple[Any, ...]:
+        """Return x, z, vx, vz and theta at times of shape (..., n), each of that shape."""
+        state, control = self.state, self.control
+        x, z, vx, vz, theta = exact_step(
+            tuple(state[:, i] for i in range(5)), (control[:, 0], control[:, 1]), time, self.quadrotor.gravity, self.xp
+        )
+        blown_x, blown_z = time * self.wind[:, 0], time * self.wind[:, 1]
+        return x + blown_x * time / 2, z + blown_z * time / 2, vx + blown_x, vz + blown_z, theta
 
-    def derivative(self, state: Array) -> Array:
-        """Return d(state)/dt at a state of these arcs, shape (n, 5)."""
-        derivative = self.quadrotor.derivative(state, self.control)
-        derivative[:, 2:4] += self.wind
-        return derivative
+    def at(self, time: Any) -> Any:
+        """Return the states `time` seconds into the step, a number or shape (n,); shape (n, 5)."""
+        return self.xp.stack(self.components(time), axis=-1)
 
-    def inflections(self, direction: Array) -> Array:
-        """Return the two times at which p'' . direction is zero; dt where there is none [s], shape (n, 2).
+    def acceleration(self, theta: Any) -> tuple[Any, Any]:
+        """Return the acceleration along x and z at tilts of shape (..., n) [m/s^2]."""
+        thrust, (pull_x, pull_z) = self.control[:, 0], self.pull
+        return thrust * self.xp.sin(theta) + pull_x, thrust * self.xp.cos(theta) + pull_z
+
+    def inflections(self, direction: Any) -> tuple[Any, Any]:
+        """Return the two times at which p'' . direction is zero, in order; dt where there is none [s], each (n,).
 
         Each of the two tilts occurs at most once, because a scenario's dt excludes a whole turn within a step.
         """
-        (thrust, rate), theta = self.control.T, self.state[:, 4]
-        ratio = -np.sum(self.pull * direction, axis=-1) / np.maximum(thrust, 1e-300)
-        beta = np.arctan2(direction[:, 0], direction[:, 1])
-        spread = np.where(np.abs(ratio) <= 1, np.arccos(np.clip(ratio, -1, 1)), np.nan)
-        tilt = beta[:, None] + spread[:, None] * np.array([-1.0, 1.0])
-        turn = np.sign(rate)[:, None] * (tilt - theta[:, None]) % (2 * np.pi)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            time = turn / np.abs(rate)[:, None]
-        return np.where(time < self.dt[:, None], time, self.dt[:, None])
+        xp, thrust, rate, theta = self.xp, self.control[:, 0], self.control[:, 1], self.state[:, 4]
+        along_x, along_z = direction[..., 0], direction[..., 1]
+        pull_x, pull_z = self.pull
+        least = 1e8 * float(xp.finfo(thrust.dtype).smallest_normal)  # no overflow by a division by zero
+        ratio = -(pull_x * along_x + pull_z * along_z) / xp.clip(thrust, least, None)
+        beta, spread = xp.atan2(along_x, along_z), xp.acos(xp.clip(ratio, -1.0, 1.0))
+        none = (xp.abs(ratio) > 1) | (rate == 0)
+        speed = xp.where(rate == 0, xp.ones_like(rate), xp.abs(rate))
+        times = []
+        for tilt in (beta - spread, beta + spread):
+            time = xp.remainder(xp.sign(rate) * (tilt - theta), xp.full_like(theta, 2 * np.pi)) / speed
+            times.append(xp.where(none, self.dt, xp.minimum(time, self.dt)))
+        return xp.minimum(*times), xp.maximum(*times)
 
-    def height_over(self, point: Array, direction: Array, time: Array) -> tuple[Array, Array]:
-        """Return (p - point) . direction [m] and its time derivative, each shape (n,)."""
-        state = self.at(time)
-        return np.sum((state[:, 0:2] - point) * direction, axis=-1), np.sum(state[:, 2:4] * direction, axis=-1)
+    def height_over(self, point: Any, direction: Any, time: Any) -> tuple[Any, Any]:
+        """Return (p - point) . direction [m] and its time derivative at times of shape (..., n)."""
+        x, z, vx, vz, _ = self.components(time)
+        along_x, along_z = direction[..., 0], direction[..., 1]
+        height = (x - point[..., 0]) * along_x + (z - point[..., 1]) * along_z
+        return height, vx * along_x + vz * along_z
 
-    def speed_along(self, direction: Array, time: Array) -> tuple[Array, Array]:
-        """Return p' . direction [m/s] and its time derivative, each shape (n,)."""
-        state = self.at(time)
-        acceleration = self.derivative(state)[:, 2:4]
-        return np.sum(state[:, 2:4] * direction, axis=-1), np.sum(acceleration * direction, axis=-1)
+    def speed_along(self, direction: Any, time: Any) -> tuple[Any, Any]:
+        """Return p' . direction [m/s] and its time derivative at times of shape (..., n)."""
+        _, _, vx, vz, theta = self.components(time)
+        ax, az = self.acceleration(theta)
+        along_x, along_z = direction[..., 0], direction[..., 1]
+        return vx * along_x + vz * along_z, ax * along_x + az * along_z
 
-    def approach(self, point: Array, time: Array) -> tuple[Array, Array]:
-        """Return half the rate of change of |p - point|^2 [m^2/s] and its time derivative, each shape (n,)."""
-        state = self.at(time)
-        offset, velocity, acceleration = state[:, 0:2] - point, state[:, 2:4], self.derivative(state)[:, 2:4]
-        return np.sum(offset * velocity, axis=-1), np.sum(velocity**2 + offset * acceleration, axis=-1)
+    def approach(self, point: Any, time: Any) -> tuple[Any, Any]:
+        """Return half the rate of change of |p - point|^2 [m^2/s] and its time derivative at times of shape (n,)."""
+        x, z, vx, vz, theta = self.components(time)
+        ax, az = self.acceleration(theta)
+        x, z = x - point[..., 0], z - point[..., 1]
+        return x * vx + z * vz, vx**2 + vz**2 + x * ax + z * az
 
-    def monotone_times(self, direction: Array) -> Array:
+    def monotone_times(self, direction: Any) -> Any:
         """Return five times from 0 to dt; between two of them p . direction is monotone [s], shape (5, n)."""
-        start = np.zeros(len(self))
-        knots = np.sort(np.stack([start, *self.inflections(direction).T, self.dt]), axis=0)
-        slopes = [self.speed_along(direction, t)[0] for t in knots]
-        times = [start]
-        for low, high, before, after in zip(knots[:-1], knots[1:], slopes[:-1], slopes[1:], strict=True):
-            turns = before * after < 0
-            time = high.copy()
-            if turns.any():
-                arc, normal = self[turns], np.sign(after[turns])[:, None] * direction[turns]
-                time[turns] = rising_root(partial(arc.speed_along, normal), low[turns], high[turns])
-            times.append(time)
-        return np.stack([*times, self.dt])
+        xp, start = self.xp, self.xp.zeros_like(self.dt)
+        knots = xp.stack([start, *self.inflections(direction), self.dt])
+        slopes = self.speed_along(direction, knots)[0]
+        low, high, after = knots[:-1], knots[1:], slopes[1:]
+        turns, sign = slopes[:-1] * after < 0, xp.sign(after)
 
-    def crossing(self, point: Array, direction: Array, after: Array) -> Array:
+        def rising(time: Any) -> tuple[Any, Any]:
+            speed, slope = self.speed_along(direction, time)
+            return sign * speed, sign * slope
+
+        times = rising_root(rising, xp.where(turns, low, high), high)
+        return xp.concat([start[None], times, self.dt[None]])
+
+    def crossing(self, point: Any, direction: Any, after: Any) -> Any:
         """Return the first time later than `after` at which each path crosses a line from below to above.
 
         Args:
@@ -173,95 +201,95 @@ class Arc:
         Returns:
             Times within the step [s], shape (n,); nan without a crossing.
         """
-        times = np.maximum(self.monotone_times(direction), after)
-        values = [self.height_over(point, direction, t)[0] for t in times]
-        found = np.full(len(self), np.nan)
-        for low, high, before, then in zip(times[:-1], times[1:], values[:-1], values[1:], strict=True):
-            rises = (before < 0) & (then >= 0) & np.isnan(found)
-            if rises.any():
-                arc = self[rises]
-                found[rises] = rising_root(
-                    partial(arc.height_over, point[rises], direction[rises]), low[rises], high[rises]
-                )
-        return found
+        xp, times = self.xp, self.xp.maximum(self.monotone_times(direction), after)
+        heights = self.height_over(point, direction, times)[0]
+        rises = (heights[:-1] < 0) & (heights[1:] >= 0)
+        # Brackets without a crossing are empty. The first one with a crossing is taken.
+        low, high = xp.zeros_like(self.dt), xp.zeros_like(self.dt)
+        for i in (3, 2, 1, 0):
+            low, high = xp.where(rises[i], times[i], low), xp.where(rises[i], times[i + 1], high)
+        found = rising_root(partial(self.height_over, point, direction), low, high)
+        return xp.where(xp.any(rises, axis=0), found, xp.nan)
 
-    def lowest(self, direction: Array) -> Array:
-        """Return the minimum of p . direction over the step [m] for a vector (2,), shape (n,)."""
-        origin, along = np.zeros((len(self), 2)), np.broadcast_to(direction, (len(self), 2))
-        return np.min([self.height_over(origin, along, t)[0] for t in self.monotone_times(along)], axis=0)
+    def lowest(self, direction: Any) -> Any:
+        """Return the minimum of p . direction over the step [m], for vectors of shape (2,) or (n, 2); shape (n,)."""
+        xp = self.xp
+        along = xp.broadcast_to(xp.asarray(direction, **like(self.state)), (len(self), 2))
+        times = self.monotone_times(along)
+        return xp.min(self.height_over(xp.zeros_like(along), along, times)[0], axis=0)
 
-    def distance(self, point: Array, within: float = np.inf) -> Array:
+    def distance(self, point: Any, within: float = np.inf) -> Any:
         """Return a proven lower bound of the distance to points over the step [m], shape (n,), tight to 1e-9.
 
         Let r = |p - point|^2 / 2 and c the acceleration by gravity and wind. On a part of the step |p'''| <= f |omega|,
         and |p''| is at most f + |c| and at most its initial value plus f |omega| times the length of the part. This
         bounds r'''. A part on which r is shown to be monotone or convex has its minimum at an end or at the root of
-        r'. A part whose chord distance minus the sagitta bound exceeds the minimum so far is discarded. Other parts are
-        bisected.
+        r'. A part whose chord distance minus the sagitta bound exceeds the minimum so far is passed over. Any other
+        part is halved; after a part that is settled, the next one is twice as long.
 
         Args:
             point: shape (n, 2) [m].
             within: distances from this value on need not be resolved; any value >= `within` stands for them [m].
         """
-        low, high, row = np.zeros(len(self)), self.dt.copy(), np.arange(len(self))
-        least = np.minimum(self._distance_at(point, low), self._distance_at(point, high))
-        while row.size:
-            arc, p = self[row], point[row]
-            before, after, most = arc._approach_bounds(p, low, high)
-            sagitta = most * (high - low) ** 2 / 8
-            floor = _chord_distance(before[0], after[0]) - sagitta
-            rising = (np.minimum(before[1], after[1]) >= after[3]) | (np.maximum(before[1], after[1]) <= -after[3])
-            convex = np.minimum(before[2], after[2]) >= before[3]
-            turns = convex & ~rising & (before[1] < 0) & (after[1] > 0) & (floor < least[row])
-            if turns.any():
-                chosen, target = arc[turns], p[turns]
-                time = rising_root(partial(chosen.approach, target), low[turns], high[turns])
-                np.minimum.at(least, row[turns], chosen._distance_at(target, time))
-            # Parts with a tiny sagitta count with their lower bound.
-            left = ~(rising | convex) & (floor < np.minimum(least[row], within))
-            fine = left & (sagitta <= SAGITTA_TOLERANCE)
-            np.minimum.at(least, row[fine], floor[fine])
-            left &= ~fine
-            middle = (low[left] + high[left]) / 2
-            row, low, high = np.tile(row[left], 2), np.append(low[left], middle), np.append(middle, high[left])
-            near = self._distance_at(point[row], low, row)
-            np.minimum.at(least, row, near)
-        return np.maximum(least, 0.0)
+        xp, dt = self.xp, self.dt
+        fine = max(SAGITTA_TOLERANCE, 4 * xp.finfo(dt.dtype).eps)
 
-    def _approach_bounds(self, point: Array, low: Array, high: Array) -> Any:
+        def goes_on(low: Any, width: Any, least: Any) -> Any:
+            return xp.any(low < dt)
+
+        def settle(low: Any, width: Any, least: Any) -> tuple[Any, ...]:
+            high = xp.minimum(low + width, dt)
+            before, after, most = self._approach_bounds(point, low, high)
+            least = xp.minimum(least, hypot(*after[0]))
+            sagitta = most * (high - low) ** 2 / 8
+            floor = _chord_distance(xp, before[0], after[0]) - sagitta
+            rising = (xp.minimum(before[1], after[1]) >= after[3]) | (xp.maximum(before[1], after[1]) <= -after[3])
+            convex = xp.minimum(before[2], after[2]) >= before[3]
+            turns = (low < dt) & convex & ~rising & (before[1] < 0) & (after[1] > 0) & (floor < least)
+            time = rising_root(partial(self.approach, point), xp.where(turns, low, high), high)
+            least = xp.where(turns, xp.minimum(least, self._distance_at(point, time)), least)
+            # Parts with a tiny sagitta count with their lower bound.
+            unsettled = ~(rising | convex) & (floor < xp.clip(least, None, within))
+            tiny = unsettled & (sagitta <= fine)
+            least = xp.where(tiny, xp.minimum(least, floor), least)
+            divide = unsettled & ~tiny
+            return xp.where(divide, low, high), xp.where(divide, (high - low) / 2, 2 * width), least
+
+        start = xp.zeros_like(dt)
+        least = xp.minimum(self._distance_at(point, start), self._distance_at(point, dt))
+        return xp.clip(repeat(goes_on, settle, start, dt, least)[2], 0.0, None)
+
+    def _approach_bounds(self, point: Any, low: Any, high: Any) -> Any:
         """Return (offset, r', r'', error bound) at both ends of parts [low, high], and a bound of |p''|.
 
         See `distance` for r. The first error bound is how far r'' may fall below its smaller end value, the second how
         far r' may deviate from its chord.
         """
-        width, jerk = high - low, self.control[:, 0] * np.abs(self.control[:, 1])
+        xp, width, jerk = self.xp, high - low, self.control[:, 0] * self.xp.abs(self.control[:, 1])
         found = []
         for time in (low, high):
-            state = self.at(time)
-            offset, velocity, acceleration = state[:, 0:2] - point, state[:, 2:4], self.derivative(state)[:, 2:4]
-            slope = np.sum(offset * velocity, axis=-1)
-            bend = np.sum(velocity**2 + offset * acceleration, axis=-1)
-            found.append((offset, slope, bend))
+            x, z, vx, vz, theta = self.components(time)
+            ax, az = self.acceleration(theta)
+            x, z = x - point[..., 0], z - point[..., 1]
+            found.append(((x, z), x * vx + z * vz, vx**2 + vz**2 + x * ax + z * az))
             if time is low:
                 # A hovering vehicle has almost no acceleration; this bound then ends the bisection early.
-                most = np.hypot(acceleration[:, 0], acceleration[:, 1]) + jerk * width
-                pull = np.minimum(self.acceleration_bound, most)
-                speed = np.hypot(velocity[:, 0], velocity[:, 1]) + pull * width
-                away = np.hypot(offset[:, 0], offset[:, 1]) + speed * width
+                pull = xp.minimum(self.acceleration_bound, hypot(ax, az) + jerk * width)
+                speed = hypot(vx, vz) + pull * width
+                away = hypot(x, z) + speed * width
         third = 3 * speed * pull + away * jerk
         return (*found[0], third * width / 2), (*found[1], third * width**2 / 8), pull
 
-    def _distance_at(self, point: Array, time: Array, row: NDArray[Any] | None = None) -> Array:
-        """Return the distances to points at times, of all arcs or of those at `row`, shape (n,)."""
-        arc = self if row is None else self[row]
-        offset = arc.at(time)[:, 0:2] - point
-        return np.hypot(offset[:, 0], offset[:, 1])
+    def _distance_at(self, point: Any, time: Any) -> Any:
+        """Return the distances to points at times, shape (n,)."""
+        x, z = self.components(time)[:2]
+        return hypot(x - point[..., 0], z - point[..., 1])
 
 
-def _chord_distance(before: Array, after: Array) -> Array:
-    """Return the distances of the origin to segments between points (n, 2), shape (n,)."""
-    chord = after - before
-    length = np.maximum(np.sum(chord**2, axis=-1), 1e-300)
-    share = np.clip(-np.sum(before * chord, axis=-1) / length, 0.0, 1.0)
-    nearest = before + share[:, None] * chord
-    return np.hypot(nearest[:, 0], nearest[:, 1])
+def _chord_distance(xp: Any, before: tuple[Any, Any], after: tuple[Any, Any]) -> Any:
+    """Return the distances of the origin to segments between points, shape (n,)."""
+    (x, z), (to_x, to_z) = before, after
+    chord_x, chord_z = to_x - x, to_z - z
+    length = chord_x**2 + chord_z**2
+    share = xp.clip(-(x * chord_x + z * chord_z) / xp.where(length > 0, length, xp.ones_like(length)), 0.0, 1.0)
+    return hypot(x + share * chord_x, z + share * chord_z)

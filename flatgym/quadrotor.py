@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flatgym.arrays import as_array, like, namespace
 from flatgym.validation import nonnegative
 
 Array = NDArray[np.float64]
@@ -73,10 +74,11 @@ def exact_step(state: Any, control: Any, h: Any, gravity: Any, ops: Any = np) ->
     )
 
 
-def nearest_turn(angle: ArrayLike, near: ArrayLike = 0.0) -> Array:
+def nearest_turn(angle: Any, near: Any = 0.0) -> Any:
     """Return angles [rad] shifted by multiples of 2 pi to be nearest to `near`; by default into [-pi, pi]."""
-    angle = np.asarray(angle, dtype=np.float64)
-    return angle + 2 * np.pi * np.round((np.asarray(near) - angle) / (2 * np.pi))
+    angle = as_array(angle)
+    near = np.asarray(near) if isinstance(angle, np.ndarray) else near
+    return angle + 2 * np.pi * namespace(angle).round((near - angle) / (2 * np.pi))
 
 
 @dataclass(frozen=True)
@@ -126,11 +128,12 @@ class Quadrotor:
         """Upper limits of the control [thrust, rate], shape (2,)."""
         return np.array([self.thrust_max, self.rate_max])
 
-    def control(self, action: ArrayLike) -> Array:
+    def control(self, action: Any) -> Any:
         """Map actions in [-1, 1], shape (..., 2), affinely onto the control box."""
-        low, high = self.control_low, self.control_high
+        action = as_array(action)
+        low, high = (namespace(action).asarray(end, **like(action)) for end in (self.control_low, self.control_high))
         # A weighted mean of the two limits is exact at both; midpoint plus half-width is not.
-        share = (np.asarray(action, dtype=np.float64) + 1) / 2
+        share = (action + 1) / 2
         return low * (1 - share) + high * share
 
     def action(self, control: ArrayLike) -> Array:
@@ -149,8 +152,8 @@ class Quadrotor:
             axis=-1,
         )
 
-    def step(self, state: ArrayLike, control: ArrayLike, dt: ArrayLike) -> Array:
-        """Return the exact state after `dt` seconds of constant control.
+    def step(self, state: Any, control: Any, dt: Any) -> Any:
+        """Return the exact state after `dt` seconds of constant control; arrays of NumPy, PyTorch or JAX.
 
         Args:
             state: [x, z, vx, vz, theta], shape (..., 5).
@@ -160,14 +163,16 @@ class Quadrotor:
         Returns:
             The new states, shape (..., 5), leading axes broadcast.
         """
-        state, control = np.asarray(state, dtype=np.float64), np.asarray(control, dtype=np.float64)
+        state, control = as_array(state), as_array(control)
+        xp = namespace(state, control)
         parts = exact_step(
             tuple(state[..., i] for i in range(5)),
             tuple(control[..., i] for i in range(2)),
-            np.asarray(dt, dtype=np.float64),
+            xp.asarray(dt, **like(state)),
             self.gravity,
+            xp,
         )
-        return np.stack(np.broadcast_arrays(*parts), axis=-1)
+        return xp.stack(xp.broadcast_arrays(*parts), axis=-1)
 
     def fly(self, start: ArrayLike, controls: ArrayLike, dt: ArrayLike) -> Array:
         """Return the states at the ends of n successive arcs of constant control.

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flatgym.arrays import namespace, on_device_of
 from flatgym.quadrotor import STATE_NAMES, Array
 from flatgym.task.scene import EpisodeState, Scene
 
@@ -50,41 +51,49 @@ def observation_names(observation: str = "features") -> tuple[str, ...]:
 
 
 def squash(value: Any, unit: Any) -> Any:
-    """Return value / (unit + |value|) in (-1, 1), elementwise, of NumPy arrays or torch tensors."""
+    """Return value / (unit + |value|) in (-1, 1), elementwise, of arrays of any library."""
     return value / (unit + abs(value))
 
 
 def unsquash(squashed: Any, unit: Any, margin: float = 0.0) -> Any:
-    """Return unit o / (1 - |o|), the inverse of `squash`, elementwise, of NumPy arrays or torch tensors.
+    """Return unit o / (1 - |o|), the inverse of `squash`, elementwise, of arrays of any library.
 
     `margin` is the smallest value of 1 - |o|. With the default 0, the inverse of +-1 is +-infinity.
     """
     return unit * squashed / (1 - abs(squashed)).clip(margin)
 
 
-def observe(scene: Scene, episode: EpisodeState, observation: str = "features") -> NDArray[np.float32]:
-    """Return the features named in OBSERVATION_NAMES, all in [-1, 1], shape (n, 19), or the states, shape (n, 5)."""
+def observe(scene: Scene, episode: EpisodeState, observation: str = "features") -> Any:
+    """Return the features named in OBSERVATION_NAMES, all in [-1, 1], shape (n, 19), or the states, shape (n, 5).
+
+    The result is float32.
+    """
+    state, xp = episode.state, namespace(episode.state)
     if observation == "state":
-        return episode.state.astype(np.float32)
-    state, n = episode.state, len(scene)
-    x, z, theta = state[:, 0], state[:, 1], state[:, 4]
-    columns = np.zeros((len(OBSERVATION_NAMES), n))
-    columns[0:2] = squash(scene.goal - state[:, 0:2], LENGTH_UNIT).T
-    columns[2:4] = squash(state[:, 2:4], SPEED_UNIT).T
-    columns[4], columns[5] = np.sin(theta), np.cos(theta)
-    for i in range(min(HOOPS_SEEN, scene.hoop_centre.shape[1])):
-        ahead = np.flatnonzero(episode.hoops_passed + i < scene.hoop_count)
-        which = episode.hoops_passed[ahead] + i
-        centre, direction = scene.hoop_centre[ahead, which], scene.hoop_direction[ahead, which]
-        row = 6 + 5 * i
-        columns[row, ahead] = squash(centre[:, 0] - x[ahead], LENGTH_UNIT)
-        columns[row + 1, ahead] = squash(centre[:, 1] - z[ahead], LENGTH_UNIT)
-        columns[row + 2 : row + 4, ahead] = direction.T
-        columns[row + 4, ahead] = squash(scene.hoop_diameter[ahead, which], LENGTH_UNIT)
-    columns[-3] = squash(np.minimum(z - scene.floor, FAR), LENGTH_UNIT)
-    columns[-2] = squash(np.minimum(scene.ceiling - z, FAR), LENGTH_UNIT)
-    columns[-1] = np.minimum(episode.steps / scene.max_steps, 1.0)
-    return np.ascontiguousarray(columns.T, dtype=np.float32)
+        return xp.astype(state, xp.float32)
+    n, most = scene.hoop_diameter.shape
+    x, z, theta, nothing = state[:, 0], state[:, 1], state[:, 4], xp.zeros_like(state[:, 0])
+    goal, speed = squash(scene.goal - state[:, 0:2], LENGTH_UNIT), squash(state[:, 2:4], SPEED_UNIT)
+    columns = [goal[:, 0], goal[:, 1], speed[:, 0], speed[:, 1], xp.sin(theta), xp.cos(theta)]
+    rows = xp.arange(n, **on_device_of(state))
+    for i in range(min(HOOPS_SEEN, most)):
+        which = xp.clip(episode.hoops_passed + i, 0, most - 1)
+        centre, direction = scene.hoop_centre[rows, which], scene.hoop_direction[rows, which]
+        hoop = (
+            squash(centre[:, 0] - x, LENGTH_UNIT),
+            squash(centre[:, 1] - z, LENGTH_UNIT),
+            direction[:, 0],
+            direction[:, 1],
+            squash(scene.hoop_diameter[rows, which], LENGTH_UNIT),
+        )
+        ahead = episode.hoops_passed + i < scene.hoop_count
+        columns += [xp.where(ahead, column, nothing) for column in hoop]
+    columns += [nothing] * (len(OBSERVATION_NAMES) - 3 - len(columns))
+    for height in (z - scene.floor, scene.ceiling - z):
+        columns.append(squash(xp.clip(height, None, FAR), LENGTH_UNIT))
+    steps, max_steps = (xp.astype(count, state.dtype) for count in (episode.steps, scene.max_steps))
+    columns.append(xp.clip(steps / max_steps, None, 1.0))
+    return xp.astype(xp.stack(columns, axis=-1), xp.float32)
 
 
 class DecodedObservation(NamedTuple):

@@ -1,7 +1,8 @@
 """Scenarios and episode states of n vehicles as structures of arrays.
 
 A Scene holds n scenarios, an EpisodeState the n episodes in them. Both are frozen. The functions of `flatgym.task` take
-them and return new ones.
+them and return new ones. `to` moves them to PyTorch or JAX, where they are pytrees: `jax.jit` and `jax.vmap` take them as
+arguments.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flatgym.arrays import convert, is_jax, namespace, register_pytree
 from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenarios.scenario import Scenario, Tolerance
 
@@ -21,6 +23,9 @@ Integers = NDArray[np.int64]
 OUTCOMES = ("flying", "goal", "collision", "floor", "ceiling", "out-of-bounds", "time-limit")
 """Outcomes of an episode; all but the first end it."""
 FLYING, GOAL, COLLISION, FLOOR, CEILING, OUT_OF_BOUNDS, TIME_LIMIT = range(len(OUTCOMES))
+
+SHARED = ("quadrotor", "tolerance", "dt")
+"""Fields of a Scene that all its scenarios share; the others are arrays."""
 
 
 @dataclass(frozen=True)
@@ -111,9 +116,17 @@ class Scene:
             value[rows] = getattr(other, name)
         return replace(self, **arrays)
 
-    def _arrays(self) -> dict[str, NDArray[Any]]:
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    def where(self, mask: Any, other: Scene) -> Scene:
+        """Return this scene with the scenarios under `mask`, shape (n,), taken from `other`."""
+        arrays, others = self._arrays(), other._arrays()
+        return replace(self, **{name: _choose(mask, others[name], value) for name, value in arrays.items()})
+
+    def to(self, xp: Any = np, dtype: Any = None, device: Any = None) -> Scene:
+        """Return the scene in another library, precision or device; see `flatgym.arrays.convert`."""
+        return _to(self, self._arrays(), xp, dtype, device)
+
+    def _arrays(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in fields(self) if field.name not in SHARED}
 
 
 @dataclass(frozen=True)
@@ -142,11 +155,24 @@ class EpisodeState:
         """Whether the time limit ended the episode, shape (n,)."""
         return self.outcome == TIME_LIMIT
 
-    def put(self, mask: NDArray[np.bool_], other: EpisodeState) -> EpisodeState:
+    def put(self, mask: Any, other: EpisodeState) -> EpisodeState:
         """Return these episodes with those under `mask`, shape (n,), taken from `other`."""
-        return EpisodeState(
-            state=np.where(mask[:, None], other.state, self.state),
-            steps=np.where(mask, other.steps, self.steps),
-            hoops_passed=np.where(mask, other.hoops_passed, self.hoops_passed),
-            outcome=np.where(mask, other.outcome, self.outcome),
-        )
+        values = vars(self)
+        return EpisodeState(**{name: _choose(mask, getattr(other, name), value) for name, value in values.items()})
+
+    def to(self, xp: Any = np, dtype: Any = None, device: Any = None) -> EpisodeState:
+        """Return the episodes in another library, precision or device; see `flatgym.arrays.convert`."""
+        return _to(self, vars(self), xp, dtype, device)
+
+
+def _choose(mask: Any, new: Any, old: Any) -> Any:
+    """Return rows of `new` under the mask, shape (n,), else rows of `old`."""
+    return namespace(old).where(mask.reshape(-1, *(1,) * (old.ndim - 1)), new, old)
+
+
+def _to(value: Any, arrays: dict[str, Any], xp: Any, dtype: Any, device: Any) -> Any:
+    """Return a dataclass with its arrays in another library."""
+    if is_jax(xp):
+        register_pytree(Scene, SHARED)
+        register_pytree(EpisodeState)
+    return replace(value, **{name: convert(array, xp, dtype, device) for name, array in arrays.items()})

@@ -4,18 +4,19 @@
     after = advance(scene, before, controls)    # n vehicles, one step each
     observe(scene, after), reward(scene, before, after, shaped=True)
 
-The functions are pure. Environments, planners and custom loops share them.
+The functions are pure. Environments, planners and custom loops share them. They take arrays of NumPy, PyTorch or JAX,
+those of one call from one library and on one device, and compile under `jax.jit` and `torch.compile`. The state after a
+step is a smooth function of state and control. Hoops passed and outcomes are integers: no gradient flows through them.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from flatgym.arc import Arc
-from flatgym.quadrotor import Array, nearest_turn
+from flatgym.arrays import check_arrays, hypot, namespace, on_device_of, repeat, where_rare
+from flatgym.quadrotor import nearest_turn
 from flatgym.task.scene import (
     CEILING,
     COLLISION,
@@ -25,7 +26,6 @@ from flatgym.task.scene import (
     OUT_OF_BOUNDS,
     TIME_LIMIT,
     EpisodeState,
-    Integers,
     Scene,
 )
 
@@ -35,92 +35,129 @@ CONTACT_SLACK = 1e-6
 
 def initial(scene: Scene) -> EpisodeState:
     """Return n episodes at their starts: at rest, upright, no hoop passed."""
-    n = len(scene)
-    state = np.zeros((n, 5))
-    state[:, 0:2] = scene.start
-    nothing = np.zeros(n, dtype=np.int64)
-    return EpisodeState(state=state, steps=nothing, hoops_passed=nothing, outcome=nothing)
+    xp = namespace(scene.start)
+    still = xp.zeros_like(scene.start[:, :1])
+    state = xp.concat([scene.start, still, still, still], axis=1)
+    # Three arrays: JAX donates no buffer twice.
+    steps, passed, code = (xp.zeros_like(scene.hoop_count) for _ in range(3))
+    return EpisodeState(state=state, steps=steps, hoops_passed=passed, outcome=code)
 
 
-def advance(scene: Scene, episode: EpisodeState, control: Array) -> EpisodeState:
+def advance(scene: Scene, episode: EpisodeState, control: Any) -> EpisodeState:
     """Return the episodes after one step of dt under constant controls [thrust, rate], shape (n, 2).
 
-    The thrust acts multiplied by `scene.thrust_factor`. Limits of the control are not applied here.
+    The thrust acts multiplied by `scene.thrust_factor`. Limits of the control are not applied here. A control that is
+    not finite ends the episode out of bounds, with the vehicle where it was.
+
+    Raises:
+        TypeError: for arrays of different libraries, and for states that are not float64 or float32.
+        ValueError: for arrays on different devices.
     """
-    acting = np.stack([control[:, 0] * scene.thrust_factor, control[:, 1]], axis=-1)
+    xp = namespace(episode.state, control, scene.start)
+    check_arrays(state=episode.state, scene=scene.start, control=control)
+    control = xp.astype(control, episode.state.dtype, copy=False)
+    usable = xp.all(xp.isfinite(control), axis=-1)
+    acting = xp.stack([control[:, 0] * scene.thrust_factor, control[:, 1]], axis=-1)
+    acting = xp.where(usable[:, None], acting, xp.zeros_like(acting))
     arc = Arc(scene.quadrotor, episode.state, acting, scene.dt, scene.wind)
     after = EpisodeState(
-        state=arc.at(scene.dt),
+        state=xp.where(usable[:, None], arc.at(scene.dt), episode.state),
         steps=episode.steps + 1,
-        hoops_passed=_pass_hoops(scene, arc, episode.hoops_passed),
+        hoops_passed=xp.where(usable, _pass_hoops(scene, arc, episode.hoops_passed), episode.hoops_passed),
         outcome=episode.outcome,
     )
-    return replace(after, outcome=outcome(scene, arc, after))
+    code = outcome(scene, arc, after)
+    return replace(after, outcome=xp.where(usable, code, xp.full_like(code, OUT_OF_BOUNDS)))
 
 
-def outcome(scene: Scene, arc: Arc, after: EpisodeState) -> Integers:
+def outcome(scene: Scene, arc: Arc, after: EpisodeState) -> Any:
     """Return the outcomes after a step along `arc`, indices into OUTCOMES, shape (n,).
 
     Contact within the step takes precedence over out of bounds, that over the goal, that over the time limit.
     """
-    x, z = after.state[:, 0], after.state[:, 1]
-    low_x, low_z, high_x, high_z = scene.bounds.T
-    code = np.where(after.steps >= scene.last_step, TIME_LIMIT, FLYING)
-    code = np.where(arrived(scene, after), GOAL, code)
-    code = np.where((x < low_x) | (x > high_x) | (z < low_z) | (z > high_z), OUT_OF_BOUNDS, code)
-    up = np.array([0.0, 1.0])
-    for direction, limit, contact in ((-up, -scene.ceiling, CEILING), (up, scene.floor, FLOOR)):
-        near = z * direction[1] - arc.reach < limit
-        if near.any():
-            touches = arc[near].lowest(direction) < limit[near] - CONTACT_SLACK
-            code[near] = np.where(touches, contact, code[near])
+    xp, arc = namespace(after.state), arc.constant
+    x, z, code = after.state[:, 0], after.state[:, 1], xp.full_like(after.steps, FLYING)
+
+    def put(code: Any, where: Any, value: int) -> Any:
+        return xp.where(where, xp.full_like(code, value), code)
+
+    low_x, low_z, high_x, high_z = (scene.bounds[:, i] for i in range(4))
+    inside = (x >= low_x) & (x <= high_x) & (z >= low_z) & (z <= high_z)
+    code = put(code, after.steps >= scene.last_step, TIME_LIMIT)
+    code = put(code, arrived(scene, after), GOAL)
+    code = put(code, ~inside, OUT_OF_BOUNDS)
+    for up, limit, contact in ((-1.0, -scene.ceiling, CEILING), (1.0, scene.floor, FLOOR)):
+        code = put(code, _touches_line(arc, up, z, limit), contact)
     if scene.quadrotor.radius > 0:
-        code = np.where(_touches_rim(scene, arc), COLLISION, code)
+        code = put(code, _touches_rim(scene, arc), COLLISION)
     return code
 
 
-def arrived(scene: Scene, episode: EpisodeState) -> NDArray[np.bool_]:
+def arrived(scene: Scene, episode: EpisodeState) -> Any:
     """Return whether all hoops are passed and the state is within the tolerance of the goal, shape (n,)."""
     offset, velocity = episode.state[:, 0:2] - scene.goal, episode.state[:, 2:4]
     theta, tolerance = episode.state[:, 4], scene.tolerance
     return (
-        (np.hypot(offset[:, 0], offset[:, 1]) <= tolerance.position)
-        & (np.hypot(velocity[:, 0], velocity[:, 1]) <= tolerance.speed)
-        & (np.abs(nearest_turn(theta)) <= tolerance.angle)
+        (hypot(offset[:, 0], offset[:, 1]) <= tolerance.position)
+        & (hypot(velocity[:, 0], velocity[:, 1]) <= tolerance.speed)
+        & (abs(nearest_turn(theta)) <= tolerance.angle)
         & (episode.hoops_passed >= scene.hoop_count)
     )
 
 
-def _pass_hoops(scene: Scene, arc: Arc, passed: Integers) -> Integers:
+def _pass_hoops(scene: Scene, arc: Arc, passed: Any) -> Any:
     """Return the number of hoops passed after the arc, shape (n,); one step may pass several, in order."""
-    passed, time, reach = passed.copy(), np.zeros(len(arc)), arc.reach
-    rows = np.arange(len(arc))
-    while rows.size:
-        rows = rows[passed[rows] < scene.hoop_count[rows]]
-        centre = scene.hoop_centre[rows, passed[rows]]
-        near = np.hypot(*(arc.state[rows, 0:2] - centre).T) <= reach[rows] + scene.hoop_diameter[rows, passed[rows]]
-        rows, centre = rows[near], centre[near]
-        direction = scene.hoop_direction[rows, passed[rows]]
-        gap = scene.hoop_diameter[rows, passed[rows]] / 2 - scene.quadrotor.radius
-        sub = arc[rows]
-        when = sub.crossing(centre, direction, time[rows])
-        crosses = ~np.isnan(when)
-        offset = sub.at(np.where(crosses, when, 0.0))[:, 0:2] - centre
-        aside = np.abs(offset[:, 1] * direction[:, 0] - offset[:, 0] * direction[:, 1])
-        passed[rows] += crosses & (aside <= gap)
+    (n, most), xp, arc = scene.hoop_diameter.shape, arc.xp, arc.constant
+    if not most:
+        return passed
+    reach, half = arc.reach, scene.hoop_diameter / 2 - scene.quadrotor.radius
+    rows = xp.arange(n, **on_device_of(passed))
+    nowhere = xp.full((n, 2), xp.nan, dtype=arc.state.dtype, **on_device_of(passed))
+
+    def cross(centre: Any, direction: Any, gap: Any, after: Any, *arrays: Any) -> Any:
+        """Return the time of crossing, and whether it is through the gap, shape (m, 2)."""
+        part = Arc(scene.quadrotor, *arrays)
+        when = part.crossing(centre, direction, after)
+        x, z = part.components(xp.where(xp.isnan(when), xp.zeros_like(when), when))[:2]
+        aside = xp.abs((z - centre[:, 1]) * direction[:, 0] - (x - centre[:, 0]) * direction[:, 1])
+        return xp.stack([when, xp.where(aside <= gap, xp.ones_like(when), xp.zeros_like(when))], axis=-1)
+
+    def search(passed: Any, after: Any, live: Any) -> tuple[Any, ...]:
+        which = xp.clip(passed, 0, most - 1)
+        centre, direction, gap = scene.hoop_centre[rows, which], scene.hoop_direction[rows, which], half[rows, which]
+        away = hypot(arc.state[:, 0] - centre[:, 0], arc.state[:, 1] - centre[:, 1])
+        live = live & (passed < scene.hoop_count) & (away <= reach + scene.hoop_diameter[rows, which])
+        found = where_rare(live, cross, nowhere, centre, direction, gap, after, *arc.arrays)
+        when, through = found[:, 0], found[:, 1] > 0
+        crosses = ~xp.isnan(when)
         # After a crossing beside the gap the path may cross again; after a passage the next hoop may follow.
-        rows, when = rows[crosses], when[crosses]
-        time[rows] = when
-    return passed
+        passed = xp.where(crosses & through, passed + 1, passed)
+        return passed, xp.where(crosses, when, after), crosses
+
+    live = passed < scene.hoop_count
+    return repeat(lambda passed, after, live: xp.any(live), search, passed, xp.zeros_like(reach), live)[0]
 
 
-def _touches_rim(scene: Scene, arc: Arc) -> NDArray[np.bool_]:
+def _touches_line(arc: Arc, up: float, height: Any, limit: Any) -> Any:
+    """Return whether `up * z` falls below a limit within the step, shape (n,)."""
+
+    def touches(limit: Any, *arrays: Any) -> Any:
+        part = Arc(arc.quadrotor, *arrays)
+        direction = arc.xp.stack([arc.xp.zeros_like(limit), arc.xp.full_like(limit, up)], axis=-1)
+        return part.lowest(direction) < limit - CONTACT_SLACK
+
+    near = up * height - arc.reach < limit
+    return where_rare(near, touches, arc.xp.zeros_like(near), limit, *arc.arrays)
+
+
+def _touches_rim(scene: Scene, arc: Arc) -> Any:
     """Return whether the body touches an end of any gap within the step, shape (n,)."""
-    touched, radius = np.zeros(len(arc), dtype=bool), scene.quadrotor.radius
-    for j in range(scene.hoop_centre.shape[1]):
+    xp, radius = arc.xp, scene.quadrotor.radius
+    touched = xp.zeros_like(arc.dt) > 0
+    for j in range(scene.hoop_diameter.shape[1]):
         direction = scene.hoop_direction[:, j]
-        across = np.stack([-direction[:, 1], direction[:, 0]], axis=-1)
+        across = xp.stack([-direction[:, 1], direction[:, 0]], axis=-1)
         for side in (-0.5, 0.5):
             rim = scene.hoop_centre[:, j] + side * scene.hoop_diameter[:, j, None] * across
-            touched |= (arc.distance(rim, radius) < radius) & (j < scene.hoop_count)
+            touched = touched | (arc.distance(rim, radius) < radius) & (j < scene.hoop_count)
     return touched
