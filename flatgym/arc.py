@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from flatgym.arrays import constant, hypot, like, namespace, repeat
-from flatgym.quadrotor import Array, Quadrotor, exact_step
+from flatgym.arrays import constant, hypot, library, like, namespace, repeat
+from flatgym.quadrotor import Quadrotor, exact_step
 
 Function = Callable[[Any], tuple[Any, Any]]
 
@@ -169,7 +169,7 @@ class Arc:
         return vx * along_x + vz * along_z, ax * along_x + az * along_z
 
     def approach(self, point: Any, time: Any) -> tuple[Any, Any]:
-        """Return half the rate of change of |p - point|^2 [m^2/s] and its time derivative at times of shape (n,)."""
+        """Return half the rate of change of |p - point|^2 [m^2/s] and its time derivative at times (..., n)."""
         x, z, vx, vz, theta = self.components(time)
         ax, az = self.acceleration(theta)
         x, z = x - point[..., 0], z - point[..., 1]
@@ -199,16 +199,22 @@ class Arc:
             after: times before which crossings do not count [s], shape (n,).
 
         Returns:
-            Times within the step [s], shape (n,); nan without a crossing.
+            Times within the step [s], shape (n,); nan without a crossing. Their gradients are those of the implicit
+            function theorem, dt = -dh / h' with h the height over the line; a crossing along the line has none.
         """
-        xp, times = self.xp, self.xp.maximum(self.monotone_times(direction), after)
-        heights = self.height_over(point, direction, times)[0]
+        xp, arc = self.xp, self.constant
+        times = xp.maximum(arc.monotone_times(direction), after)
+        heights = arc.height_over(point, direction, times)[0]
         rises = (heights[:-1] < 0) & (heights[1:] >= 0)
         # Brackets without a crossing are empty. The first one with a crossing is taken.
         low, high = xp.zeros_like(self.dt), xp.zeros_like(self.dt)
         for i in (3, 2, 1, 0):
             low, high = xp.where(rises[i], times[i], low), xp.where(rises[i], times[i + 1], high)
-        found = rising_root(partial(self.height_over, point, direction), low, high)
+        found = rising_root(partial(arc.height_over, point, direction), low, high)
+        if library(found) != "numpy":
+            height, speed = self.height_over(point, direction, found)
+            speed = constant(xp.where(speed == 0, xp.ones_like(speed), speed))
+            found = found - (height - constant(height)) / speed
         return xp.where(xp.any(rises, axis=0), found, xp.nan)
 
     def lowest(self, direction: Any) -> Any:
@@ -219,7 +225,7 @@ class Arc:
         return xp.min(self.height_over(xp.zeros_like(along), along, times)[0], axis=0)
 
     def distance(self, point: Any, within: float = np.inf) -> Any:
-        """Return a proven lower bound of the distance to points over the step [m], shape (n,), tight to 1e-9.
+        """Return a proven lower bound of the distance to points over the step [m], shape (..., n), tight to 1e-9.
 
         Let r = |p - point|^2 / 2 and c the acceleration by gravity and wind. On a part of the step |p'''| <= f |omega|,
         and |p''| is at most f + |c| and at most its initial value plus f |omega| times the length of the part. This
@@ -228,14 +234,11 @@ class Arc:
         part is halved; after a part that is settled, the next one is twice as long.
 
         Args:
-            point: shape (n, 2) [m].
+            point: shape (..., n, 2) [m].
             within: distances from this value on need not be resolved; any value >= `within` stands for them [m].
         """
         xp, dt = self.xp, self.dt
         fine = max(SAGITTA_TOLERANCE, 4 * xp.finfo(dt.dtype).eps)
-
-        def goes_on(low: Any, width: Any, least: Any) -> Any:
-            return xp.any(low < dt)
 
         def settle(low: Any, width: Any, least: Any) -> tuple[Any, ...]:
             high = xp.minimum(low + width, dt)
@@ -255,9 +258,11 @@ class Arc:
             divide = unsettled & ~tiny
             return xp.where(divide, low, high), xp.where(divide, (high - low) / 2, 2 * width), least
 
-        start = xp.zeros_like(dt)
-        least = xp.minimum(self._distance_at(point, start), self._distance_at(point, dt))
-        return xp.clip(repeat(goes_on, settle, start, dt, least)[2], 0.0, None)
+        least = xp.minimum(self._distance_at(point, xp.zeros_like(dt)), self._distance_at(point, dt))
+        width = xp.zeros_like(least) + dt
+        return xp.clip(
+            repeat(lambda *now: xp.any(now[0] < dt), settle, xp.zeros_like(least), width, least)[2], 0.0, None
+        )
 
     def _approach_bounds(self, point: Any, low: Any, high: Any) -> Any:
         """Return (offset, r', r'', error bound) at both ends of parts [low, high], and a bound of |p''|.
@@ -281,13 +286,13 @@ class Arc:
         return (*found[0], third * width / 2), (*found[1], third * width**2 / 8), pull
 
     def _distance_at(self, point: Any, time: Any) -> Any:
-        """Return the distances to points at times, shape (n,)."""
+        """Return the distances to points at times, shape (..., n)."""
         x, z = self.components(time)[:2]
         return hypot(x - point[..., 0], z - point[..., 1])
 
 
 def _chord_distance(xp: Any, before: tuple[Any, Any], after: tuple[Any, Any]) -> Any:
-    """Return the distances of the origin to segments between points, shape (n,)."""
+    """Return the distances of the origin to segments between points, shape (..., n)."""
     (x, z), (to_x, to_z) = before, after
     chord_x, chord_z = to_x - x, to_z - z
     length = chord_x**2 + chord_z**2

@@ -174,27 +174,34 @@ class Quadrotor:
         )
         return xp.stack(xp.broadcast_arrays(*parts), axis=-1)
 
-    def fly(self, start: ArrayLike, controls: ArrayLike, dt: ArrayLike) -> Array:
-        """Return the states at the ends of n successive arcs of constant control.
+    def fly(self, start: Any, controls: Any, dt: Any) -> Any:
+        """Return the states at the ends of n successive arcs of constant control; arrays of any library.
 
         Each arc is computed from zero position and velocity. Position and velocity enter the equations linearly, so
         the arcs are summed, without a loop over time.
 
         Args:
-            start: the first state, shape (5,).
-            controls: [thrust, rate] of each arc, shape (n, 2); limits are not applied here.
+            start: the first state, shape (..., 5).
+            controls: [thrust, rate] of each arc, shape (..., n, 2); limits are not applied here.
             dt: duration of each arc [s], a number or shape (n,).
 
         Returns:
-            The states, shape (n + 1, 5), starting with `start`.
+            The states, shape (..., n + 1, 5), starting with `start`.
         """
-        start, controls = np.asarray(start, dtype=np.float64), np.asarray(controls, dtype=np.float64)
-        dt = np.broadcast_to(np.asarray(dt, dtype=np.float64), len(controls))
-        theta = start[4] + np.append(0.0, np.cumsum(controls[:, 1] * dt))
-        still = np.zeros((len(controls), 5))
-        still[:, 4] = theta[:-1]
-        change = self.step(still, controls, dt)
-        velocity = start[2:4] + np.append(np.zeros((1, 2)), np.cumsum(change[:, 2:4], axis=0), axis=0)
-        displacement = velocity[:-1] * dt[:, None] + change[:, 0:2]
-        position = start[0:2] + np.append(np.zeros((1, 2)), np.cumsum(displacement, axis=0), axis=0)
-        return np.column_stack([position, velocity, theta])
+        start, controls = as_array(start), as_array(controls)
+        xp = namespace(start, controls)
+        dt = xp.broadcast_to(xp.asarray(dt, **like(start)), (controls.shape[-2],))
+
+        def summed(change: Any) -> Any:
+            return xp.cumulative_sum(change, axis=-1, include_initial=True)
+
+        theta = start[..., 4:] + summed(controls[..., 1] * dt)
+        still = xp.zeros_like(theta[..., :-1])
+        change = self.step(xp.stack([still, still, still, still, theta[..., :-1]], axis=-1), controls, dt)
+        columns = []
+        for i in (0, 1):
+            speed = start[..., 2 + i, None] + summed(change[..., 2 + i])
+            place = start[..., i, None] + summed(speed[..., :-1] * dt + change[..., i])
+            columns += [(place, speed)]
+        (x, vx), (z, vz) = columns
+        return xp.stack([x, z, vx, vz, theta], axis=-1)

@@ -14,8 +14,7 @@ from flatgym.envs.fleet import Fleet, Mask, Record, ResetResult, Seeds, StepResu
 from flatgym.quadrotor import Array
 from flatgym.scenarios.counter_rng import START, uniform
 from flatgym.scenarios.distributions import Distribution
-from flatgym.scenarios.layouts import PER_HOOP, PLACED
-from flatgym.scenarios.scenario import BOUNDS_MARGIN
+from flatgym.task.drawing import placed_scene
 from flatgym.task.scene import FLYING, Integers, Scene
 
 
@@ -109,7 +108,7 @@ def scene_of(config: EnvConfig, seeds: Seeds, episodes: Seeds) -> Scene:
     """Return the scene of n episodes, with sampled scenarios and disturbances; seeds and numbers have shape (n,)."""
     problem, n = config.problem, len(seeds)
     if isinstance(problem, Distribution):
-        scene = sampled_scene(problem, seeds, episodes)
+        scene = placed_scene(problem, problem.draw(seeds, episodes))
     else:
         scene = Scene.of([problem]).repeat(n)
     factor, wind, delay = config.disturbances.draw(seeds, episodes)
@@ -123,33 +122,4 @@ def scene_of(config: EnvConfig, seeds: Seeds, episodes: Seeds) -> Scene:
         thrust_factor=factor,
         wind=wind,
         delay=delay,
-    )
-
-
-def sampled_scene(problem: Distribution, seeds: Seeds, episodes: Seeds) -> Scene:
-    """Return the scene of n scenarios sampled from a distribution, without disturbances."""
-    rows, n, most = problem.draw(seeds, episodes), len(seeds), problem.hoops[1]
-    goal, count, hoops = rows[:, 0:2], rows[:, 2].astype(np.int64), rows[:, PLACED:].reshape(n, most, PER_HOOP)
-    present = np.arange(most) < count[:, None]
-    hoops = np.where(present[:, :, None], hoops, 0.0)
-    points = np.concatenate([np.zeros((n, 1, 2)), goal[:, None], hoops[:, :, 0:2]], axis=1)
-    direction = np.stack([np.cos(hoops[:, :, 2]), np.sin(hoops[:, :, 2])], axis=-1)
-    return Scene(
-        quadrotor=problem.quadrotor,
-        tolerance=problem.tolerance,
-        dt=problem.dt,
-        start=np.zeros((n, 2)),
-        goal=goal,
-        hoop_centre=hoops[:, :, 0:2],
-        hoop_direction=np.where(present[:, :, None], direction, 0.0),
-        hoop_diameter=hoops[:, :, 3],
-        hoop_count=count,
-        floor=np.full(n, -np.inf),
-        ceiling=np.full(n, np.inf),
-        bounds=np.concatenate([points.min(axis=1) - BOUNDS_MARGIN, points.max(axis=1) + BOUNDS_MARGIN], axis=1),
-        max_steps=np.full(n, problem.max_steps),
-        last_step=np.full(n, problem.max_steps),
-        thrust_factor=np.ones(n),
-        wind=np.zeros((n, 2)),
-        delay=np.zeros(n, dtype=np.int64),
     )

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 
 from flatgym.envs.config import EnvConfig, check_states
 from flatgym.envs.fleet import Fleet, Mask, ResetResult, Seeds
@@ -32,6 +34,52 @@ def check_options(options: Any, known: tuple[str, ...] = OPTIONS) -> dict[str, A
     return dict(options)
 
 
+def check_num_envs(num_envs: Any) -> None:
+    """Raise a ValueError for a number of environments that is not a whole number >= 1."""
+    if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
+        raise ValueError(f"num_envs must be at least 1, got {num_envs}")
+
+
+def check_autoreset(mode: Any) -> AutoresetMode:
+    """Return an autoreset mode; a ValueError lists the known ones."""
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        known = ", ".join(repr(one.value) for one in AutoresetMode)
+        raise ValueError(f"unknown autoreset_mode {mode!r}; known: {known}") from None
+
+
+def check_mask(mask: Any, n: int) -> Mask:
+    """Return the option "reset_mask", shape (n,); a ValueError for anything else than n booleans."""
+    values = numbers("options['reset_mask']", mask)
+    if values.shape != (n,) or values.dtype != np.bool_:
+        raise ValueError(f"options['reset_mask'] must be booleans of shape ({n},), got {mask!r}")
+    return values
+
+
+def vector_seeds(
+    seed: int | Sequence[int | None] | None, n: int, begun: bool, generator: np.random.Generator
+) -> Seeds | None:
+    """Return a seed for each of n vehicles, or None to keep the present seeds.
+
+    Args:
+        seed: that of the first vehicle, or a list of n, in which None stands for a random one; or None.
+        n: number of vehicles.
+        begun: whether the vehicles have seeds.
+        generator: source of random seeds.
+    """
+    if seed is None:
+        if begun:
+            return None
+        seed = int(generator.integers(2**63))
+    if not isinstance(seed, Sequence):
+        return np.uint64(check_seed(seed)) + np.arange(n, dtype=np.uint64)
+    if len(seed) != n:
+        raise ValueError(f"seed must be one number or {n}, got {len(seed)}")
+    drawn = generator.integers(2**63, size=n)
+    return np.array([drawn[i] if one is None else check_seed(one) for i, one in enumerate(seed)], dtype=np.uint64)
+
+
 def start_episodes(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[str, Any]) -> ResetResult:
     """Start the next episodes under `mask`, or the first episodes of `seeds`.
 
@@ -47,7 +95,7 @@ def start_episodes(fleet: Fleet, mask: Mask, seeds: Seeds | None, options: dict[
     before = fleet.ids.copy()
     fleet.reseed(mask, seeds)
     try:
-        state, passed = _state(fleet, options), _hoops_passed(fleet, mask, options)
+        state, passed = requested_states(options, fleet.n), requested_hoops(options, mask, fleet.hoop_counts)
     except ValueError:
         fleet.ids[:] = before
         raise
@@ -82,22 +130,22 @@ def check_seed(seed: Any) -> int:
     return int(seed)
 
 
-def _state(fleet: Fleet, options: dict[str, Any]) -> Any:
+def requested_states(options: dict[str, Any], n: int) -> Any:
     """Return the start states of the options, shape (n, 5), or None."""
     if "state" not in options:
         return None
-    shape = (fleet.n,) if numbers("options['state']", options["state"]).ndim > 1 else ()
-    return np.broadcast_to(check_states(options["state"], shape, "options['state']"), (fleet.n, 5))
+    shape = (n,) if numbers("options['state']", options["state"]).ndim > 1 else ()
+    return np.broadcast_to(check_states(options["state"], shape, "options['state']"), (n, 5))
 
 
-def _hoops_passed(fleet: Fleet, mask: Mask, options: dict[str, Any]) -> Any:
+def requested_hoops(options: dict[str, Any], mask: Mask, hoop_counts: Callable[[], Integers]) -> Any:
     """Return the hoops passed of the options, shape (n,), or None; checked for the vehicles under `mask` only."""
     if "hoops_passed" not in options:
         return None
-    value, counts = numbers("options['hoops_passed']", options["hoops_passed"]), fleet.hoop_counts()
-    if value.shape not in ((), (fleet.n,)) or value.dtype.kind not in "iu":
-        raise ValueError(f"options['hoops_passed'] must be a whole number or one for each of {fleet.n}, got {value!r}")
-    passed = np.broadcast_to(value, (fleet.n,))
+    value, counts, n = numbers("options['hoops_passed']", options["hoops_passed"]), hoop_counts(), len(mask)
+    if value.shape not in ((), (n,)) or value.dtype.kind not in "iu":
+        raise ValueError(f"options['hoops_passed'] must be a whole number or one for each of {n}, got {value!r}")
+    passed = np.broadcast_to(value, (n,))
     wrong = mask & ((passed < 0) | (passed > counts))
     if wrong.any():
         i = int(np.argmax(wrong))

@@ -8,7 +8,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flatgym.quadrotor import Array
+from flatgym.arrays import namespace
+from flatgym.quadrotor import Array, Quadrotor
 from flatgym.task.observation import observation_names
 from flatgym.validation import numbers
 
@@ -34,3 +35,13 @@ def take_actions(actions: ArrayLike, into: Array) -> None:
     if values.shape != into.shape:
         raise ValueError(f"actions must have shape {into.shape}, got {values.shape}")
     into[...] = values
+
+
+def controls_of(quadrotor: Quadrotor, actions: Any) -> Any:
+    """Return the controls [thrust, rate] of actions clipped to the box, arrays of any library, shape (..., 2).
+
+    Where an action is not finite, both are nan, which ends an episode (`flatgym.task.advance`).
+    """
+    xp = namespace(actions)
+    usable = xp.all(xp.isfinite(actions), axis=-1)[..., None]
+    return xp.where(usable, quadrotor.control(xp.clip(actions, -1.0, 1.0)), xp.full_like(actions, xp.nan))

@@ -23,17 +23,27 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from flatgym.envs.config import EnvConfig, Starts
-from flatgym.envs.fleet import OUTCOME, REWARD, TIME, Mask, Record, Seeds, StepResult
+from flatgym.envs.fleet import OUTCOME, REWARD, TIME, Mask, Record, StepResult
 from flatgym.envs.fleet_selection import make_fleet
 from flatgym.envs.outcome_strings import OutcomeStrings
-from flatgym.envs.resetting import OPTIONS, check_options, check_seed, known_k_star, scenario_k_star, start_episodes
+from flatgym.envs.resetting import (
+    OPTIONS,
+    check_autoreset,
+    check_mask,
+    check_num_envs,
+    check_options,
+    check_seed,
+    known_k_star,
+    scenario_k_star,
+    start_episodes,
+    vector_seeds,
+)
 from flatgym.envs.spaces import action_space, observation_space, take_actions
 from flatgym.envs.specification import plain_spec
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.catalogue import DEFAULT_SCENARIO, Problem, ProblemLike
 from flatgym.scenarios.disturbances import Disturbances
 from flatgym.scenarios.scenario import Tolerance
-from flatgym.validation import numbers
 
 INFO_KEYS = ("state", "time", "steps", "hoops_passed", "is_success", "outcome", "k_star")
 _NONE = np.zeros(0, dtype=np.intp)
@@ -71,8 +81,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
     ) -> None:
-        if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or num_envs < 1:
-            raise ValueError(f"num_envs must be at least 1, got {num_envs}")
+        check_num_envs(num_envs)
         if render_mode is not None:
             raise ValueError(
                 f"the batched environment does not render, got render_mode={render_mode!r}; "
@@ -83,7 +92,7 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         config = EnvConfig(problem, reward, observation, disturbances, starts, max_episode_steps)
         self._spec: EnvSpec | None = None
         self.num_envs = num_envs
-        self.autoreset_mode = _mode(autoreset_mode)
+        self.autoreset_mode = check_autoreset(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
         self.render_mode = None
         self.single_observation_space, self.single_action_space = observation_space(observation), action_space()
@@ -154,11 +163,11 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
         seed = seed.tolist() if isinstance(seed, np.ndarray) else seed
         options = check_options(options, (*OPTIONS, "reset_mask"))
         wanted = options.pop("reset_mask", None)
-        mask = self._all if wanted is None else self._check_mask(wanted)
+        mask = self._all if wanted is None else check_mask(wanted, self.num_envs)
         if not (self._begun or mask.all()):
             raise gym.error.ResetNeeded("the first reset() must start all episodes, without a reset_mask")
         super().reset(seed=None if seed is None or isinstance(seed, Sequence) else check_seed(seed))
-        seeds = self._seeds(seed)
+        seeds = vector_seeds(seed, self.num_envs, self._begun, self.np_random)
         observation, record = start_episodes(self.fleet, mask, seeds, options)
         self._begun, self._ended = True, self._ended[~mask[self._ended]]
         known = 0 if options else known_k_star(self.fleet, first=seeds is not None)
@@ -225,30 +234,3 @@ class FlatQuadVectorEnv(gym.vector.VectorEnv[NDArray[np.float32], NDArray[np.flo
             "k_star": self._k_star.copy(),
         }
         return infos | (self._masks if mask is self._all else {f"_{key}": mask for key in infos})
-
-    def _seeds(self, seed: int | Sequence[int | None] | None) -> Seeds | None:
-        """Return a seed for each vehicle, or None to keep the present seeds."""
-        if seed is None:
-            if self._begun:
-                return None
-            seed = int(self.np_random.integers(2**63))
-        if not isinstance(seed, Sequence):
-            return np.uint64(check_seed(seed)) + np.arange(self.num_envs, dtype=np.uint64)
-        if len(seed) != self.num_envs:
-            raise ValueError(f"seed must be one number or {self.num_envs}, got {len(seed)}")
-        drawn = self.np_random.integers(2**63, size=self.num_envs)
-        return np.array([drawn[i] if one is None else check_seed(one) for i, one in enumerate(seed)], dtype=np.uint64)
-
-    def _check_mask(self, mask: ArrayLike) -> Mask:
-        values = numbers("options['reset_mask']", mask)
-        if values.shape != (self.num_envs,) or values.dtype != np.bool_:
-            raise ValueError(f"options['reset_mask'] must be booleans of shape ({self.num_envs},), got {mask!r}")
-        return values
-
-
-def _mode(mode: Any) -> AutoresetMode:
-    try:
-        return AutoresetMode(mode)
-    except ValueError:
-        known = ", ".join(repr(one.value) for one in AutoresetMode)
-        raise ValueError(f"unknown autoreset_mode {mode!r}; known: {known}") from None

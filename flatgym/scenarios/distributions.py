@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from flatgym.arrays import library
 from flatgym.quadrotor import Array, Quadrotor
 from flatgym.scenarios.content import Content, build, fields_of
 from flatgym.scenarios.counter_rng import SCENE, uniform
@@ -126,6 +127,12 @@ class Distribution(Content):
 
     def scenario(self, seed: int, episode: int = 0) -> Scenario:
         """Return the scenario of an episode: that of an environment seeded with `seed`, after `episode` more resets."""
+        for name, value in (("seed", seed), ("episode", episode)):
+            if library(value) in ("torch", "jax"):
+                raise TypeError(
+                    f"{name} must be a whole number, got an array of {library(value)}: a Scenario holds plain numbers "
+                    "and cannot be drawn under jit; flatgym.task.drawing.draw draws scenes there"
+                )
         row = self.draw(np.array([seed], dtype=np.uint64), np.array([episode], dtype=np.uint64))[0]
         hoops = row[PLACED : PLACED + PER_HOOP * int(row[2])].reshape(-1, PER_HOOP).tolist()
         return Scenario(

@@ -3,7 +3,7 @@
 from flatgym.task.observation import OBSERVATION_NAMES, OBSERVATIONS, observation_names, observe
 from flatgym.task.rewards import reward
 from flatgym.task.rollout import fly_actions
-from flatgym.task.transition import advance, initial
+from flatgym.task.transition import advance, initial, passage
 
 __all__ = [
     "OBSERVATIONS",
@@ -13,5 +13,6 @@ __all__ = [
     "initial",
     "observation_names",
     "observe",
+    "passage",
     "reward",
 ]

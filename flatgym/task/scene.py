@@ -1,8 +1,8 @@
 """Scenarios and episode states of n vehicles as structures of arrays.
 
 A Scene holds n scenarios, an EpisodeState the n episodes in them. Both are frozen. The functions of `flatgym.task` take
-them and return new ones. `to` moves them to PyTorch or JAX, where they are pytrees: `jax.jit` and `jax.vmap` take them as
-arguments.
+them and return new ones. `to` moves them to PyTorch or JAX; in JAX they are pytrees, so that `jax.jit` and `jax.vmap`
+take them as arguments.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flatgym.arrays import convert, is_jax, namespace, register_pytree
-from flatgym.quadrotor import Array, Quadrotor
+from flatgym.quadrotor import Quadrotor
 from flatgym.scenarios.scenario import Scenario, Tolerance
 
 Integers = NDArray[np.int64]
@@ -50,20 +50,20 @@ class Scene:
     quadrotor: Quadrotor
     tolerance: Tolerance
     dt: float
-    start: Array
-    goal: Array
-    hoop_centre: Array
-    hoop_direction: Array
-    hoop_diameter: Array
-    hoop_count: Integers
-    floor: Array
-    ceiling: Array
-    bounds: Array
-    max_steps: Integers
-    last_step: Integers
-    thrust_factor: Array
-    wind: Array
-    delay: Integers
+    start: Any
+    goal: Any
+    hoop_centre: Any
+    hoop_direction: Any
+    hoop_diameter: Any
+    hoop_count: Any
+    floor: Any
+    ceiling: Any
+    bounds: Any
+    max_steps: Any
+    last_step: Any
+    thrust_factor: Any
+    wind: Any
+    delay: Any
 
     @classmethod
     def of(cls, scenarios: Sequence[Scenario]) -> Scene:
@@ -109,17 +109,13 @@ class Scene:
         arrays: dict[str, Any] = {name: np.repeat(value, n, axis=0) for name, value in self._arrays().items()}
         return replace(self, **arrays)
 
-    def put(self, rows: NDArray[Any], other: Scene) -> Scene:
-        """Return this scene with the scenarios at `rows`, shape (m,), replaced by the m scenarios of `other`."""
-        arrays: dict[str, Any] = {name: value.copy() for name, value in self._arrays().items()}
+    def put(self, rows: Any, other: Scene) -> Scene:
+        """Return this scene with the scenarios at `rows`, shape (m,), replaced by the m of `other`; not for JAX."""
+        xp = namespace(self.start)
+        arrays = {name: xp.asarray(value, copy=True) for name, value in self._arrays().items()}
         for name, value in arrays.items():
             value[rows] = getattr(other, name)
         return replace(self, **arrays)
-
-    def where(self, mask: Any, other: Scene) -> Scene:
-        """Return this scene with the scenarios under `mask`, shape (n,), taken from `other`."""
-        arrays, others = self._arrays(), other._arrays()
-        return replace(self, **{name: _choose(mask, others[name], value) for name, value in arrays.items()})
 
     def to(self, xp: Any = np, dtype: Any = None, device: Any = None) -> Scene:
         """Return the scene in another library, precision or device; see `flatgym.arrays.convert`."""
@@ -140,18 +136,18 @@ class EpisodeState:
         outcome: index into OUTCOMES, shape (n,).
     """
 
-    state: Array
-    steps: Integers
-    hoops_passed: Integers
-    outcome: Integers
+    state: Any
+    steps: Any
+    hoops_passed: Any
+    outcome: Any
 
     @property
-    def terminated(self) -> NDArray[np.bool_]:
+    def terminated(self) -> Any:
         """Whether the episode has ended other than by the time limit, shape (n,)."""
         return (self.outcome != FLYING) & (self.outcome != TIME_LIMIT)
 
     @property
-    def truncated(self) -> NDArray[np.bool_]:
+    def truncated(self) -> Any:
         """Whether the time limit ended the episode, shape (n,)."""
         return self.outcome == TIME_LIMIT
 

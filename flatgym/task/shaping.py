@@ -56,7 +56,10 @@ def potential(scene: Scene, episode: EpisodeState) -> Any:
     offset, directions = scene.goal - position, xp.asarray(DIRECTIONS, **like(position))
     pull = quadrotor.gravity * directions[1]
     times = rest_time(
-        _along(offset, directions), _along(velocity, directions), quadrotor.thrust_max - pull, quadrotor.thrust_max + pull
+        _along(offset, directions),
+        _along(velocity, directions),
+        quadrotor.thrust_max - pull,
+        quadrotor.thrust_max + pull,
     )
     detour = remaining_path_length(scene, episode) - hypot(offset[:, 0], offset[:, 1])
     estimate = -xp.max(times, axis=1) - detour / CRUISE_SPEED
@@ -64,8 +67,8 @@ def potential(scene: Scene, episode: EpisodeState) -> Any:
 
 
 def _along(vectors: Any, directions: Any) -> Any:
-    """Return the components of vectors (n, 2) along directions (2, 6), shape (n, 6), without the tensor cores' rounding."""
-    if library(vectors) == "numpy":
+    """Return the components of vectors (n, 2) along directions (2, 6), shape (n, 6)."""
+    if library(vectors) == "numpy":  # other libraries may round products of matrices to less than their precision
         return vectors @ directions
     return vectors[:, :1] * directions[0] + vectors[:, 1:] * directions[1]
 

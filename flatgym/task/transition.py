@@ -88,7 +88,7 @@ def outcome(scene: Scene, arc: Arc, after: EpisodeState) -> Any:
     code = put(code, ~inside, OUT_OF_BOUNDS)
     for up, limit, contact in ((-1.0, -scene.ceiling, CEILING), (1.0, scene.floor, FLOOR)):
         code = put(code, _touches_line(arc, up, z, limit), contact)
-    if scene.quadrotor.radius > 0:
+    if scene.quadrotor.radius > 0 and scene.hoop_diameter.shape[1]:
         code = put(code, _touches_rim(scene, arc), COLLISION)
     return code
 
@@ -105,6 +105,35 @@ def arrived(scene: Scene, episode: EpisodeState) -> Any:
     )
 
 
+def passage(scene: Scene, episode: EpisodeState, control: Any) -> tuple[Any, Any]:
+    """Return when and where the paths of the next step first cross the lines of their next hoops.
+
+    Unlike the number of hoops passed, both have gradients. Arguments as for `advance`.
+
+    Returns:
+        The time within the step [s] and the place along the gap, signed, 0 at its centre [m], each of shape (n,); nan
+        without a crossing in the direction of passage, and without a hoop ahead.
+    """
+    (n, most), xp = scene.hoop_diameter.shape, namespace(episode.state, control, scene.start)
+    if not most:
+        nowhere = xp.full_like(episode.state[:, 0], xp.nan)
+        return nowhere, nowhere
+    acting = xp.stack([control[:, 0] * scene.thrust_factor, control[:, 1]], axis=-1)
+    arc = Arc(scene.quadrotor, episode.state, acting, scene.dt, scene.wind)
+    rows, which = xp.arange(n, **on_device_of(episode.state)), xp.clip(episode.hoops_passed, 0, most - 1)
+    centre, direction = scene.hoop_centre[rows, which], scene.hoop_direction[rows, which]
+    when = arc.crossing(centre, direction, xp.zeros_like(arc.dt))
+    crosses = ~xp.isnan(when) & (episode.hoops_passed < scene.hoop_count)
+    aside = _aside(arc, centre, direction, xp.where(crosses, when, xp.zeros_like(when)))
+    return xp.where(crosses, when, xp.nan), xp.where(crosses, aside, xp.nan)
+
+
+def _aside(arc: Arc, centre: Any, direction: Any, time: Any) -> Any:
+    """Return the place along gaps at times within the step [m], shape (n,)."""
+    x, z = arc.components(time)[:2]
+    return (z - centre[:, 1]) * direction[:, 0] - (x - centre[:, 0]) * direction[:, 1]
+
+
 def _pass_hoops(scene: Scene, arc: Arc, passed: Any) -> Any:
     """Return the number of hoops passed after the arc, shape (n,); one step may pass several, in order."""
     (n, most), xp, arc = scene.hoop_diameter.shape, arc.xp, arc.constant
@@ -118,9 +147,8 @@ def _pass_hoops(scene: Scene, arc: Arc, passed: Any) -> Any:
         """Return the time of crossing, and whether it is through the gap, shape (m, 2)."""
         part = Arc(scene.quadrotor, *arrays)
         when = part.crossing(centre, direction, after)
-        x, z = part.components(xp.where(xp.isnan(when), xp.zeros_like(when), when))[:2]
-        aside = xp.abs((z - centre[:, 1]) * direction[:, 0] - (x - centre[:, 0]) * direction[:, 1])
-        return xp.stack([when, xp.where(aside <= gap, xp.ones_like(when), xp.zeros_like(when))], axis=-1)
+        aside = _aside(part, centre, direction, xp.where(xp.isnan(when), xp.zeros_like(when), when))
+        return xp.stack([when, xp.where(abs(aside) <= gap, xp.ones_like(when), xp.zeros_like(when))], axis=-1)
 
     def search(passed: Any, after: Any, live: Any) -> tuple[Any, ...]:
         which = xp.clip(passed, 0, most - 1)
@@ -135,7 +163,7 @@ def _pass_hoops(scene: Scene, arc: Arc, passed: Any) -> Any:
         return passed, xp.where(crosses, when, after), crosses
 
     live = passed < scene.hoop_count
-    return repeat(lambda passed, after, live: xp.any(live), search, passed, xp.zeros_like(reach), live)[0]
+    return repeat(lambda *now: xp.any(now[2]), search, passed, xp.zeros_like(reach), live)[0]
 
 
 def _touches_line(arc: Arc, up: float, height: Any, limit: Any) -> Any:
@@ -152,12 +180,10 @@ def _touches_line(arc: Arc, up: float, height: Any, limit: Any) -> Any:
 
 def _touches_rim(scene: Scene, arc: Arc) -> Any:
     """Return whether the body touches an end of any gap within the step, shape (n,)."""
-    xp, radius = arc.xp, scene.quadrotor.radius
-    touched = xp.zeros_like(arc.dt) > 0
-    for j in range(scene.hoop_diameter.shape[1]):
-        direction = scene.hoop_direction[:, j]
-        across = xp.stack([-direction[:, 1], direction[:, 0]], axis=-1)
-        for side in (-0.5, 0.5):
-            rim = scene.hoop_centre[:, j] + side * scene.hoop_diameter[:, j, None] * across
-            touched = touched | (arc.distance(rim, radius) < radius) & (j < scene.hoop_count)
-    return touched
+    xp, radius, most = arc.xp, scene.quadrotor.radius, scene.hoop_diameter.shape[1]
+    centre, direction = (xp.moveaxis(points, 1, 0) for points in (scene.hoop_centre, scene.hoop_direction))
+    across = xp.stack([-direction[..., 1], direction[..., 0]], axis=-1)
+    half = scene.hoop_diameter.T[..., None] / 2 * across
+    rims = xp.concat([centre - half, centre + half])  # (2 most, n, 2)
+    exists = xp.arange(most, **on_device_of(arc.state))[:, None] < scene.hoop_count
+    return xp.any(xp.concat([exists, exists]) & (arc.distance(rims, radius) < radius), axis=0)
