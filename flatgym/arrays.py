@@ -5,7 +5,8 @@ arrays of a call belong: NumPy's own module, which follows the standard, `jax.nu
 `array-api-compat` for PyTorch and others. Neither PyTorch nor JAX is imported before an array of theirs arrives.
 
 The standard has no loops of data-dependent length, which the search for events needs. `repeat` and `where_rare` provide
-them: plain Python where arrays have values, `jax.lax.while_loop` and fixed shapes under a trace of JAX.
+them: plain Python where arrays have values, loops of the library and fixed shapes where `jax.jit` or `torch.compile`
+traces.
 """
 
 from __future__ import annotations
@@ -22,6 +23,10 @@ from flatgym.extras import require
 
 EXTRAS = {"torch": "torch", "jax": "jax", "jaxlib": "jax"}
 """The extra that installs a library, by the module of its arrays."""
+MODULES = {"torch": "array_api_compat.torch", "jax": "jax.numpy"}
+"""Modules of the namespaces that are imported when they are needed."""
+NAMESPACES: dict[str, Any] = {"numpy": np}
+"""Those that are imported; `torch.compile` traces a look-up, not an import."""
 CHUNKS, LEAST_CHUNK = 16, 64
 """Under a trace of JAX, rare rows are handled in chunks: of 1/CHUNKS of all rows, at least LEAST_CHUNK."""
 
@@ -51,14 +56,12 @@ def namespace(*arrays: Any) -> Any:
                 f"the arrays of one call must belong to one library, got {names}; move a scene with "
                 "Scene.to(xp=...), an episode state with EpisodeState.to(xp=...)"
             )
-    if name == "numpy":
-        return np
-    if name == "jax":
-        return import_module("jax.numpy")
-    require(EXTRAS.get(name, "torch"), "array_api_compat")
-    if name == "torch":
-        return import_module("array_api_compat.torch")
-    return import_module("array_api_compat").array_namespace(arrays[0])
+    if name not in NAMESPACES:
+        require(EXTRAS.get(name, "torch"), "array_api_compat")
+        if name not in MODULES:
+            return import_module("array_api_compat").array_namespace(arrays[0])
+        NAMESPACES[name] = import_module(MODULES[name])
+    return NAMESPACES[name]
 
 
 def check_arrays(**arrays: Any) -> None:
@@ -141,11 +144,19 @@ def hypot(x: Any, z: Any) -> Any:
     return xp.where(zero, xp.zeros_like(x), xp.hypot(xp.where(zero, xp.ones_like(x), x), z))
 
 
+def compiles(array: Any) -> bool:
+    """Return whether `torch.compile` traces a function of this array."""
+    return library(array) == "torch" and NAMESPACES["torch"].compiler.is_compiling()
+
+
 def repeat(goes_on: Callable[..., Any], change: Callable[..., tuple[Any, ...]], *values: Any) -> tuple[Any, ...]:
     """Return values after `values = change(*values)` as long as `goes_on(*values)` is true, a scalar array."""
     if library(values[0]) == "jax":
         lax = import_module("jax").lax
         return lax.while_loop(lambda now: goes_on(*now), lambda now: change(*now), values)
+    if compiles(values[0]):
+        result: tuple[Any, ...] = NAMESPACES["torch"].while_loop(goes_on, change, values)
+        return result
     while goes_on(*values):
         values = change(*values)
     return values
@@ -163,6 +174,9 @@ def where_rare(mask: Any, compute: Callable[..., Any], default: Any, *arrays: An
     if library(mask) == "jax":
         return _where_rare_traced(mask, compute, default, arrays)
     xp = namespace(mask)
+    if compiles(mask):
+        values = compute(*arrays)
+        return xp.where(xp.reshape(mask, (-1, *(1,) * (values.ndim - 1))), values, default)
     (rows,) = xp.nonzero(mask)
     if not rows.shape[0]:
         return default

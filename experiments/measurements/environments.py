@@ -31,6 +31,7 @@ import agents
 from agents.training.threads import torch_threads
 from experiments.files import Row
 from experiments.measurements.interleaved import Candidate, batch, interleaved, ratio, single
+from experiments.measurements.libraries import agreement, libraries
 from experiments.measurements.sections import Advance, Section, fresh_process, median
 from flatgym import SCENARIOS
 from optimal.parallel import blocked_interrupts
@@ -264,5 +265,7 @@ SECTIONS: dict[str, Section] = {
     "sb3": sb3,
     "ppo": ppo,
     "memory": memory,
+    "libraries": libraries,
+    "agreement": agreement,
 }
 """The sections by name."""

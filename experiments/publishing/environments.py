@@ -16,9 +16,15 @@ from experiments.provenance import provenance_sentence
 from experiments.publishing.markdown import markdown, paragraph
 
 HEAD = ["measured", "FlatQuad", "baseline", "ratio", "target", "passed"]
-TARGETS = {"median_s": "≤ {:g} s", "compiled": "{:g} compiled again", "growth_mb": "≤ {:g} MB"}
+TARGETS = {
+    "median_s": "≤ {:g} s",
+    "compiled": "{:g} compiled again",
+    "growth_mb": "≤ {:g} MB",
+    "steps_per_s": "≥ {:,.0f}/s",
+    "same_share": "≥ {:.1%} alike",
+}
 """Formats of targets by metric; all others are least ratios."""
-PACKAGES = ("flatgym", "gymnasium", "numpy", "numba", "stable-baselines3", "torch")
+PACKAGES = ("flatgym", "gymnasium", "numpy", "numba", "stable-baselines3", "torch", "jax")
 
 
 def environments(results: dict[str, Any]) -> str:
@@ -87,6 +93,22 @@ def memory(rows: list[Row]) -> Iterator[list[str]]:
         yield [what, f"{row['growth_mb']:.2f} MB", "-", "-", *target_cells(row)]
 
 
+def libraries(rows: list[Row]) -> Iterator[list[str]]:
+    """Yield PyTorch and JAX against the compiled kernels."""
+    kernels, *others = rows
+    for row in others:
+        kind, _, what = row["what"].rpartition(" of ")
+        yield compared(f"{kind}, one core: {row['num_envs']:,} x `{what}`, against the kernels", row, kernels)
+
+
+def agreement(rows: list[Row]) -> Iterator[list[str]]:
+    """Yield how the flights of each library agree with NumPy's."""
+    for row in rows:
+        what = f"{row['what']}, {row['precision']}: {row['env_steps']:,} steps on all scenarios, against NumPy"
+        alike = f"{row['same']:,} of {row['episodes']:,} episodes alike"
+        yield [what, f"{alike}, errors ≤ {row['max_error']:.0e}", "-", "-", *target_cells(row)]
+
+
 LINES: dict[str, Callable[[list[Row]], Iterator[list[str]]]] = {
     "batched": batched,
     "scalar": scalar,
@@ -94,6 +116,8 @@ LINES: dict[str, Callable[[list[Row]], Iterator[list[str]]]] = {
     "ppo": ppo,
     "imports": imports,
     "memory": memory,
+    "libraries": libraries,
+    "agreement": agreement,
 }
 """The lines of each section, in the order of the table."""
 

@@ -65,9 +65,11 @@ def test_targets_are_checked(rows):
         "sb3": [20],
         "ppo": [1.5],
         "memory": [1, 1],
+        "libraries": [1e6],
+        "agreement": [1.0, 1.0],
     }
     assert targets == expected
-    for section, passes in [(name, np.greater_equal) for name in ("batched", "scalar", "sb3", "ppo")] + [
+    for section, passes in [(name, np.greater_equal) for name in ("batched", "scalar", "sb3", "ppo", "libraries")] + [
         (name, np.less_equal) for name in ("imports", "memory")
     ]:
         for row in rows[section]:
@@ -97,6 +99,15 @@ def test_both_learn_from_as_many_steps(rows):
     baseline, ours, *default = rows["ppo"]
     assert (baseline["rollout"], baseline["minibatch"]) == (ours["rollout"], ours["minibatch"])
     assert [row["minibatch"] for row in default] == [16, 16]
+
+
+def test_the_libraries_are_timed_beside_the_kernels_and_fly_as_numpy(rows):
+    kernels, torch, jax = rows["libraries"]
+    assert (kernels["what"], torch["what"], jax["what"]) == ("hoop", "PyTorch, float32 of hoop", "JAX, float32 of hoop")
+    for row in rows["agreement"]:
+        assert row["passed"]
+        assert (row["same"], row["differing"]) == (row["episodes"], [])
+        assert row["max_error"] <= 1e-10
 
 
 def test_memory_is_recorded_from_before_the_first_step_to_the_last(rows):

@@ -107,6 +107,18 @@ def test_single_precision_meets_the_same_outcomes():
     assert differ <= 1e-3 * total
 
 
+def test_a_step_is_one_graph_of_torch_compile():
+    # Dynamo traces, and no backend compiles: that would take minutes.
+    scene = Scene.of([SCENARIOS["hoop"]]).repeat(3).to(torch)
+    state = torch.tensor([[2.45, 2.5, 6.0, 0.0, 0.1], [2.45, 2.9, 6, 0, 0], [0, 0, 0, 0, 0]], dtype=torch.float64)
+    episode, control = replace(task.initial(scene), state=state), torch.tensor([[9.0, 1.0]] * 3)
+    traced = torch.compile(task.advance, backend="eager", fullgraph=True)(scene, episode, control)
+    plain = task.advance(scene, episode, control)
+    assert traced.hoops_passed.tolist() == plain.hoops_passed.tolist() == [1, 0, 0]
+    assert torch.equal(traced.state, plain.state)
+    assert torch.equal(traced.outcome, plain.outcome)
+
+
 LIBRARIES = {"numpy": np, "torch": torch, "jax": jnp}
 
 
