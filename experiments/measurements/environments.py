@@ -31,7 +31,8 @@ import agents
 from agents.training.threads import torch_threads
 from experiments.files import Row
 from experiments.measurements.interleaved import Candidate, batch, interleaved, ratio, single
-from experiments.measurements.libraries import agreement, libraries
+from experiments.measurements.libraries.agreement import agreement
+from experiments.measurements.libraries.speed import libraries
 from experiments.measurements.sections import Advance, Section, fresh_process, median
 from flatgym import SCENARIOS
 from optimal.parallel import blocked_interrupts

@@ -21,7 +21,7 @@ from flatgym.scenarios.reference import reference
 from optimal.flights.certificate import TOLERANCE
 from optimal.flights.replay import REPLAY_TOLERANCE
 
-NAMES = ("control", "imitation", "reinforcement")
+NAMES = ("control", "imitation", "planning", "reinforcement", "tensors")
 SOURCES = {name: Path(walkthroughs.__path__[0], f"{name}.py").read_text(encoding="utf-8") for name in NAMES}
 WALKTHROUGH_RESULTS = Path("experiments/results/walkthroughs")
 
@@ -134,3 +134,23 @@ def test_reinforcement_scores_against_k_star(left, capsys):
         assert gap >= 0 if success else math.isnan(gap)
     assert len(names["tracks"][0].time) - 1 == names["best"].k_star
     assert json.loads((folder / "ppo" / "config.json").read_text())["scenario"] == names["NAME"]
+
+
+@pytest.mark.parametrize("name", ["planning", "tensors"])
+def test_the_examples_for_tensors_are_short_and_score_against_k_star(left, name, capsys):
+    names, _, _ = left(name, capsys)
+    assert len(SOURCES[name].splitlines()) < 150
+    assert len(names["tracks"][0].time) - 1 == names["best"].k_star == reference(names["NAME"]).k_star
+    assert f"K* = {names['best'].k_star}" in names["conclusion"]
+
+
+def test_planning_descends(left, capsys):
+    names, _, _ = left("planning", capsys)
+    assert np.isfinite(names["losses"]).all()
+    assert np.min(names["losses"]) < np.min(names["jax"].vmap(names["loss"])(names["starts"]))
+
+
+def test_ppo_on_tensors_learns_from_finite_numbers(left, capsys):
+    names, _, _ = left("tensors", capsys)
+    assert all(parameter.isfinite().all() for parameter in names["parameters"])
+    assert names["score"]["k_star"] == names["best"].k_star
