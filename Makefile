@@ -34,7 +34,7 @@ test: suite  ## the whole test suite; installs a browser for it where none is fo
 
 suite: $(INSTALLED)
 	@$(BIN)/python tests/browser.py $(VENV)/no-browser || true
-	@$(BIN)/python -m pytest -n $(CORES); echo $$? > $(VENV)/status
+	@$(BIN)/python -m pytest -n $(CORES) --dist worksteal; echo $$? > $(VENV)/status
 
 check: $(INSTALLED)  ## lint, format, types and import contracts
 	$(BIN)/ruff check .

@@ -22,7 +22,7 @@ import psutil
 
 STATUS = 130
 """Exit status of an interrupted command, 128 + SIGINT as in a shell."""
-PATIENCE = 1.0
+PATIENCE = 0.6
 """Time that the main thread has to end by itself [s]."""
 Kept = str | Callable[[], str]
 """What is kept, and how to go on; or a function that returns it."""

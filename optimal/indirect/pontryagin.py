@@ -37,6 +37,9 @@ from optimal.indirect.verification import verify
 
 NODES = (100, 200)
 """Steps of the direct solutions whose structures are tried, in this order."""
+ASIDE = 1e-3
+"""Displacement of the goal of the direct solution tried last [m]. Straight above the start or below it, a direct
+solution may stop at the straight flight, of which neither side is better to first order, though both are faster."""
 MAX_STRUCTURES = 6
 """Most structures tried from one direct solution."""
 LEAST_DURATION = 2e-5
@@ -70,14 +73,17 @@ def pontryagin(scenario: Scenario, winding: int = 0) -> Extremal:
                 f'{limit!r}; use method="shooting", or remove it'
             )
     result = Extremal(winding, "Not solved: no direct solution of this winding converged; try another winding.")
-    for nodes in NODES:
-        shot = solve_winding(scenario, winding, nodes=nodes)
+    direct_time = result.direct_time
+    x, z = scenario.goal
+    beside = replace(scenario, goal=(x + ASIDE, z))
+    for nodes, flown in ((NODES[0], scenario), (NODES[1], scenario), (NODES[0], beside)):
+        shot = solve_winding(flown, winding, nodes=nodes)
         if shot.converged:
             result = solve_structure(scenario, winding, *arcs_of(shot))
-            result = replace(result, direct_time=shot.trajectory.duration)
+            direct_time = direct_time if flown is beside else shot.trajectory.duration
         if result.converged:
             break
-    return result
+    return replace(result, direct_time=direct_time)
 
 
 def fastest(scenario: Scenario, windings: Sequence[int] = WINDINGS) -> Extremal:

@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 
 import pytest
@@ -86,7 +87,7 @@ def test_a_killed_run_resumes_and_ends_the_same(folder, tmp_path):
     )
     with subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, stderr=subprocess.DEVNULL) as process:
         while not list(tmp_path.glob("mine/*.json")) and process.poll() is None:
-            pass
+            time.sleep(0.01)
         process.send_signal(signal.SIGKILL)
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, stderr=subprocess.DEVNULL)
     uninterrupted = json.loads((folder / "benchmark.json").read_text())

@@ -71,6 +71,17 @@ def test_other_limits(limits):
     assert certify(extremal.trajectory, scenario).holds()
 
 
+@pytest.mark.parametrize("height", [-0.15, 0.15, -0.12])
+def test_a_short_vertical_flight_tilts_though_the_direct_solution_stays_straight(height):
+    scenario, q = goal(0.0, height), Quadrotor()
+    extremal = pontryagin(scenario)
+    straight = np.sqrt(2 * abs(height) * (1 / (q.gravity - q.thrust_min) + 1 / (q.thrust_max - q.gravity)))
+    assert extremal.converged
+    assert 0.998 * straight < extremal.time < straight - 2e-4
+    assert extremal.time == pytest.approx(pontryagin(goal(0.01, height)).time, abs=1e-3)
+    assert certify(extremal.trajectory, scenario).holds()
+
+
 def test_structure_of_a_long_horizontal():
     arcs = solved("horizontal-15").switches
     assert [arc.rate for arc in arcs] == ["max", "singular", "max"]
