@@ -14,6 +14,8 @@ NAMES = {
     "bc": "BC",
     "dagger": "DAgger",
     "bc-ppo": "BC, then PPO",
+    "bc-categorical": "BC, categorical",
+    "dagger-categorical": "DAgger, categorical",
     "expert": "expert",
     "mpc": "MPC",
     "expert-no-margin": "expert, no margin",
@@ -24,7 +26,19 @@ NAMES = {
     "pretrained": "pretrained",
 }
 """Display names, in the order of the tables."""
-_LEARNERS = ("ppo", "sac", "bc", "dagger", "bc-ppo", "ppo-gaussian", "td3", "tqc", "crossq")
+_LEARNERS = (
+    "ppo",
+    "sac",
+    "bc",
+    "dagger",
+    "bc-ppo",
+    "ppo-gaussian",
+    "td3",
+    "tqc",
+    "crossq",
+    "bc-categorical",
+    "dagger-categorical",
+)
 LEARNER_COLOURS = dict(zip(_LEARNERS, (*COLOURS, FLAME, *FURTHER_COLOURS), strict=True))
 """Colours of the trained agents. All others are grey."""
 

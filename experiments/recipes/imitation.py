@@ -26,6 +26,9 @@ from flatgym.scenarios.scenario import Scenario
 DISTRIBUTION_NETWORK: dict[str, Any] = {"width": 160, "observation_scale": 6.0, "guidance": True, "batch_size": 1024}
 """Network and batch for a distribution: larger than for a scenario, with predicted miss distances as inputs."""
 
+BINS = (3, 41)
+"""Bins of the categorical actors. An LQR corrects a flight by small rates, so there are more than in PPO."""
+
 
 class CountingOracle:
     """An expert oracle that counts environment steps and expert labels."""
@@ -71,9 +74,9 @@ def shared_config(spec: RunSpec, gradient_steps: int) -> dict[str, Any]:
 
 
 @torch_threads()
-def train_bc(spec: RunSpec) -> TrainedAgent:
-    """Train by behaviour cloning of expert episodes."""
-    config = CloneConfig(**shared_config(spec, spec.budget.gradient_steps[spec.is_distribution]))
+def train_bc(spec: RunSpec, bins: tuple[int, int] | None = None) -> TrainedAgent:
+    """Train by behaviour cloning of expert episodes, with bins by cross-entropy."""
+    config = CloneConfig(bins=bins, **shared_config(spec, spec.budget.gradient_steps[spec.is_distribution]))
     oracle, planning_s = oracle_for(spec, spec.budget.expert_rollouts)
     best = BestPolicy(config, on_validation=oracle.add_cost)
     model = untrained_policy(config)
@@ -83,11 +86,11 @@ def train_bc(spec: RunSpec) -> TrainedAgent:
 
 
 @torch_threads()
-def train_dagger(spec: RunSpec) -> TrainedAgent:
-    """Train by DAgger, until K* is reached on a scenario or the budget is spent."""
+def train_dagger(spec: RunSpec, bins: tuple[int, int] | None = None) -> TrainedAgent:
+    """Train by DAgger, until K* is reached on a scenario or the budget is spent; with bins by cross-entropy."""
     budget, which = spec.budget, spec.is_distribution
     shared = shared_config(spec, budget.round_gradient_steps[which])
-    config = DaggerConfig(rounds=budget.rounds[which], max_seconds=budget.dagger_s, **shared)
+    config = DaggerConfig(bins=bins, rounds=budget.rounds[which], max_seconds=budget.dagger_s, **shared)
     oracle, planning_s = oracle_for(spec, budget.expert_rollouts // 2)
     best = BestPolicy(config, target=spec.k_star, on_validation=oracle.add_cost)
     model = dagger(untrained_policy(config), oracle, config, best)

@@ -26,7 +26,7 @@ from experiments.recipes.baselines import (
     pretrained,
     random_actions,
 )
-from experiments.recipes.imitation import train_bc, train_dagger
+from experiments.recipes.imitation import BINS, train_bc, train_dagger
 from experiments.recipes.plans import plan_flights
 from experiments.recipes.reinforcement import train_bc_ppo, train_gaussian_ppo, train_off_policy, train_ppo
 from experiments.recipes.run_spec import RunSpec, TrainedAgent
@@ -43,6 +43,8 @@ LEARNERS: dict[str, Recipe] = {
     "bc": train_bc,
     "dagger": train_dagger,
     "bc-ppo": train_bc_ppo,
+    "bc-categorical": partial(train_bc, bins=BINS),
+    "dagger-categorical": partial(train_dagger, bins=BINS),
 }
 """Trained agents; each seed is a training run."""
 EXPERTS: dict[str, Recipe] = {
@@ -56,11 +58,14 @@ EXPERTS: dict[str, Recipe] = {
     "mpc": mpc,
 }
 """Agents without training, and without a seed."""
-COMPARED_ON_FEW = ("ppo-gaussian", "sac", "td3", "tqc", "crossq", "bc-ppo")
+COMPARED_ON_FEW = (
+    "ppo-gaussian", "sac", "td3", "tqc", "crossq", "bc-ppo", "bc-categorical", "dagger-categorical",
+)  # fmt: skip
 """Learners that the full suite trains on two problems only, to end within a working day."""
 SCENARIO_ONLY = ("expert-no-margin", "mpc")
 """Agents that fly scenarios, but no distributions."""
-NEED_DEMONSTRATIONS, NEED_PLANS = {"bc", "dagger", "bc-ppo"}, {"expert", "open-loop"}
+NEED_DEMONSTRATIONS = {"bc", "dagger", "bc-ppo", "bc-categorical", "dagger-categorical"}
+NEED_PLANS = {"expert", "open-loop"}
 """Agents that on a distribution need optimal flights for training, and those that need one for each episode."""
 
 

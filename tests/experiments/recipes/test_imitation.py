@@ -12,8 +12,9 @@ from agents.imitation.dataset_aggregation import DaggerConfig
 from experiments.files import write_json
 from experiments.recipes import run_spec
 from experiments.recipes.baselines import PolicyPerVehicle
-from experiments.recipes.imitation import oracle_for
+from experiments.recipes.imitation import BINS, oracle_for
 from experiments.recipes.plans import plan_flights
+from experiments.recipes.registry import LEARNERS
 from experiments.recipes.run_spec import RunSpec
 from flatgym import DISTRIBUTIONS
 from flatgym.scenarios.reference import EVALUATION_SEED, drawn_k_star
@@ -57,3 +58,9 @@ def test_env_steps_and_expert_labels_are_counted(spec, problem):
     else:
         assert oracle.env_steps >= oracle.expert_labels - before == len(data.actions)
     assert (oracle.env_steps, oracle.expert_labels - before) == (data.env_steps, data.labels)
+
+
+@pytest.mark.parametrize("agent", ["bc-categorical", "dagger-categorical"])
+def test_categorical_recipes_train_a_categorical_actor(tmp_path, agent):
+    trained = LEARNERS[agent](RunSpec("horizontal-3", 0, tmp_path, BUDGET))
+    assert trained.policy.policy.bins == trained.configs[0].bins == BINS
