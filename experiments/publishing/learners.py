@@ -88,6 +88,8 @@ def scores(results: Row) -> str:
         for problem, agent in pairs(found)
     ]
     note = f"{provenance_sentence(results, PACKAGES)} Disturbed: success with wind, a mass error and a delay at once."
+    if "note" in results:  # of whoever ran it, about the circumstances
+        note += f" {results['note']}"
     if any(EARLIER in row for row in rows):
         note += " An earlier policy is one that is no longer shipped; the next run flies today's."
     return markdown(head, rows) + "\n\n" + paragraph(note)

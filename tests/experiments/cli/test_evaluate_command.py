@@ -129,7 +129,7 @@ def test_a_policy_of_ones_own_is_scored_and_compared_with_ours(monkeypatch, caps
     assert str(tmp_path / "mine.html") in err
     assert f"its scores: {tmp_path}/mine.json, and {tmp_path}/mine/" in err
     cells = {cell["agent"]: cell for cell in json.loads((tmp_path / "mine.json").read_text())["cells"]}
-    assert set(cells) == {"Mine", "pretrained", "expert", "open-loop", "pd"}
+    assert set(cells) == {"Mine", "pretrained", "expert", "open-loop", "pd", "hover", "random"}
     assert (
         cells["Mine"]["episodes"]["nominal"]["steps"] == cells["pd"]["episodes"]["nominal"]["steps"] == [row["steps"]]
     )
