@@ -48,7 +48,7 @@ def convergence_figure(rows: Sequence[Row]) -> go.Figure:
 
 
 def hoops_figure(rows: Sequence[Row]) -> go.Figure:
-    """Return wall time and evaluations against the number of hoops, with lines of slopes 1 and 3 through their middle.
+    """Return processor time and evaluations by number of hoops, with lines of slopes 1 and 3 through their middle.
 
     The slalom's duration grows with its hoops, so hoops times the square of the instants has the slope 3. Proofs that
     spent their budget before the requested gap are open circles.
@@ -56,7 +56,7 @@ def hoops_figure(rows: Sequence[Row]) -> go.Figure:
     figure = make_subplots(rows=1, cols=2, horizontal_spacing=0.12)
     counts = np.array([row["hoops"] for row in rows], dtype=float)
     closed = [row["gap"] is not None and row["gap"] <= row["gap_asked"] for row in rows]
-    for column, (key, slopes) in enumerate({"wall_time_s": (1, 3), "evaluations": (1,)}.items(), start=1):
+    for column, (key, slopes) in enumerate({"processor_time_s": (1, 3), "evaluations": (1,)}.items(), start=1):
         work, panel = np.array([row[key] for row in rows], dtype=float), {"row": 1, "col": column}
         for slope in slopes:
             scale = np.exp(np.mean(np.log(work / counts**slope)))
@@ -73,7 +73,7 @@ def hoops_figure(rows: Sequence[Row]) -> go.Figure:
             }, **panel,
         )  # fmt: skip
     figure.update_xaxes(title="hoops", type="log", tickvals=counts, ticktext=[f"{count:.0f}" for count in counts])
-    figure.update_yaxes(title="wall time of the proof [s]", **decades(), col=1)
+    figure.update_yaxes(title="processor time of the proof [s]", **decades(), col=1)
     figure.update_yaxes(title="evaluations of F", **decades(), col=2)
     return layout(figure, "Work against the number of hoops of the slalom").update_layout(
         width=1000, height=480, legend={"y": -0.2, "yanchor": "top", "x": 0.5, "xanchor": "center"}, margin={"b": 100}

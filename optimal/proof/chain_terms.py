@@ -16,6 +16,7 @@ import numpy as np
 from flatgym.quadrotor import Array
 from optimal.proof.branches import Branch
 from optimal.proof.programme.chain import Chain, first_rows
+from optimal.proof.programme.point_mass import pairs_left
 from optimal.proof.programme.rounding import LEAST_LENGTH, UNIT_ROUNDOFF
 from optimal.proof.programme.stations import STEPS_APART, Passing, Problem, Stations, least_times, to_instants
 from optimal.proof.programme.tilt_program import Grid, limits, tilts
@@ -73,6 +74,8 @@ class ChainTerms:
         self.signed = np.arange(self.vectors, self.size)
         self._scale = scenario.quadrotor.thrust_max / scenario.quadrotor.rate_max
         self._curvature = self._curvatures()
+        most = int(((self._windows[:, 1] - self._windows[:, 0]) // grid.stride).max(initial=0)) + 1
+        self._pairs = np.ones((len(self._windows) - 1, max(most, 1), max(most, 1)), np.bool_)
 
     @property
     def apart(self) -> bool:
@@ -119,7 +122,10 @@ class ChainTerms:
             position=self.problem.position,
             tail=float(kappa.sum()) / self._duration,
             final=self._scale * y[-1] * d * self._tilts.last,
+            left=self._pairs,
         )
+        if len(self.hoops) and len(self._programmes) == 2:
+            chain = chain._replace(left=pairs_left(chain, self._limits, -self._shared(y, chain) - self._rounding(y)))
         return chain, self._scale * y[-2] * d * self._tilts.first
 
     @property

@@ -77,7 +77,9 @@ class Chains:
         self.places, self._sizes = gaps(scenario, stage.hoops)
         self._far, near, ways = distances(self.places, self._sizes, ends_allowed(claimed.tolerance)[0])
         self._least = self._least_times(near, ways, own.windows)
-        self._least[1:-1] = np.maximum(self._least[1:-1], own.durations[:, 0])
+        if stage.hoops:
+            ends = own.windows[0, 0], claimed.time - own.windows[-1, 1]
+            self._least = np.maximum(self._least, [ends[0], *own.durations[:, 0], ends[1]])
         if stage.hoops and not (self._least >= LEAST_CELLS * self.cell).all():
             raise Invalid("stations are too close for the theorem of the chain")
         self._set_windows(own)

@@ -48,8 +48,9 @@ are chains.
 Step 3 (durations). If the segment of the flight ends in cells that begin at instants a and b, its corners are
 k - k' = b - a - 1 to b - a + 1, and all durations met in step 2 are at least (b - a - 1) dt >= (k - k' - 2) dt. They
 are also at least the least duration of the flight's segment minus 2 dt. It must be 4 dt or more. Hoops that are closer
-are ignored, which is a relaxation. The least duration is what pruning left, or the least distance of both stations
-divided by the greatest speed at which a flight passes there (`optimal.flights.projection_bound`).
+are ignored, which is a relaxation. The least duration is what pruning or the windows of the first and last hoop left,
+or the least distance of both stations divided by the greatest speed at which a flight passes there
+(`optimal.flights.projection_bound`).
 
 Cells. Hoops may be passed at every r-th instant only. The cells then last r dt, which replaces dt in the E_i and in
 step 3.
@@ -60,21 +61,27 @@ what all chains share, is negative at the four corners of two cells, no flight p
 by the same proof with both cells fixed. The cells that are left bound the passing times of both hoops, and the time
 between them.
 
+Pairs of passing times through which all chains are negative are left out (`point_mass`). Only where F is negative can
+this lower it.
+
 Rounding is bounded by `proof.chain_terms`.
 """
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flatgym.kernels.compilation import cached
 from flatgym.quadrotor import Array
 from optimal.proof.programme.tilt_program import Integers, Tilts, best_neighbour, follow, sweep
 from optimal.proof.programme.zero_order_hold import hold_follow, hold_sweep
 
+Booleans = NDArray[np.bool_]
 ALL_ROWS, TWO_ROWS = np.bool_(True), np.bool_(False)
 """Values of `keep` in `sweep`; a literal would be a type of its own, for which the callees are compiled again."""
 
@@ -95,6 +102,8 @@ class Chain(NamedTuple):
         position: position tolerance [m].
         tail: h'(T).
         final: penalty of the last tilt, by position.
+        left: whether chains may pass consecutive stations at a pair of instants, shape (m+1, n, n). The last two
+            indices count the instants of each window in strides.
     """
 
     weights: Array
@@ -109,6 +118,7 @@ class Chain(NamedTuple):
     position: float
     tail: float
     final: Array
+    left: Booleans
 
 
 def reverse_time(chain: Chain, tilts: Tilts, first: Array) -> tuple[Chain, Tilts]:
@@ -128,8 +138,24 @@ def reverse_time(chain: Chain, tilts: Tilts, first: Array) -> tuple[Chain, Tilts
         position=chain.position,
         tail=-chain.tail,
         final=first,
+        left=_reverse_pairs(chain),
     )
     return backward, tilts._replace(low=tilts.low[::-1].copy(), high=tilts.high[::-1].copy())
+
+
+def _reverse_pairs(chain: Chain) -> Booleans:
+    """Return `Chain.left` for the problem reversed in time."""
+    found, counts = np.zeros_like(chain.left), (chain.windows[:, 1] - chain.windows[:, 0]) // chain.stride + 1
+    for i, (a, b) in enumerate(pairwise(counts)):
+        found[-1 - i, :b, :a] = chain.left[i, :a, :b][::-1, ::-1].T
+    return found
+
+
+@cached(error_model="numpy")
+def is_left(chain, i, k0, k1):  # type: ignore[no-untyped-def]
+    """Return whether chains may pass station i at instant k0 and the next one at k1."""
+    (at_0, _), (at_1, _) = chain.windows[i], chain.windows[i + 1]
+    return chain.left[i, (k0 - at_0) // chain.stride, (k1 - at_1) // chain.stride]
 
 
 def first_rows(windows: Integers, stride: int) -> Integers:
@@ -152,7 +178,7 @@ def next_instants(chain, i, k0):  # type: ignore[no-untyped-def]
 
 
 @cached(error_model="numpy")
-def _slope(chain, i, k0, k1, dt):  # type: ignore[no-untyped-def]
+def slope(chain, i, k0, k1, dt):  # type: ignore[no-untyped-def]
     """Return sigma of the segment from station i to station i + 1."""
     duration = (k1 - k0) * dt
     left, right = chain.weights[i], chain.weights[i + 1]
@@ -176,7 +202,7 @@ def _arrive(chain, tilts, i, k1, s_x, s_z, values, row):  # type: ignore[no-unty
 
 
 @cached(error_model="numpy")
-def _constants(chain, i, k0, k1, s_x, s_z):  # type: ignore[no-untyped-def]
+def constants(chain, i, k0, k1, s_x, s_z):  # type: ignore[no-untyped-def]
     """Return the terms of a segment that depend neither on the tilt nor on the place in a gap."""
     w_x, w_z = chain.weights[i + 1, 0] - chain.weights[i, 0], chain.weights[i + 1, 1] - chain.weights[i, 1]
     value = math.sqrt(w_x * w_x + w_z * w_z) * chain.curvature[i, (k1 - k0) // chain.stride]
@@ -211,10 +237,12 @@ def best_values(begin, chain, tilts, limits, values, choices):  # type: ignore[n
             at = row_at(chain, i, k0)
             values[at] = -np.inf
             for k1 in next_instants(chain, i, k0):
-                s_x, s_z = _slope(chain, i, k0, k1, dt)
+                if not is_left(chain, i, k0, k1):
+                    continue
+                s_x, s_z = slope(chain, i, k0, k1, dt)
                 _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, two[0])
                 row = two[_sweep(chain, tilts, limits, i, begin, k0, k1, two, TWO_ROWS)]
-                constant = _constants(chain, i, k0, k1, s_x, s_z)
+                constant = constants(chain, i, k0, k1, s_x, s_z)
                 for end in range(2 if i > 0 else 1):
                     place, best, choice = chain.places[i, end], values[at, end], choices[at, end]
                     rest = constant - s_x * place[0] - s_z * place[1]
@@ -235,7 +263,7 @@ def best_chain(begin, chain, tilts, limits, values, choices, start):  # type: ig
     k0, end, j = np.int64(0), 0, start  # of one type in all iterations, so that callees are compiled once
     for i in range(stations - 1):
         k1 = np.int64(choices[row_at(chain, i, k0), end, j])
-        s_x, s_z = _slope(chain, i, k0, k1, dt)
+        s_x, s_z = slope(chain, i, k0, k1, dt)
         _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, rows[k1 - k0])
         _sweep(chain, tilts, limits, i, begin, k0, k1, rows, ALL_ROWS)
         if tilts.hold.parts > 0:
@@ -262,15 +290,16 @@ def best_through(begin, chain, tilts, limits, first, values, backward, past):  #
     position, and `past` has the values of the problem `backward`, which is reversed in time.
     """
     stations, count, dt = chain.weights.shape[0], chain.common.shape[0] - 1, limits.dt
-    size = ((chain.windows[:, 1] - chain.windows[:, 0]) // chain.stride).max() + 1
-    best, two = np.full((stations - 1, size, size), -np.inf), np.empty((2, tilts.sin.shape[0]))
+    best, two = np.full(chain.left.shape, -np.inf), np.empty((2, tilts.sin.shape[0]))
     for i in range(stations - 1):
         for k0 in range(chain.windows[i, 0], chain.windows[i, 1] + 1, chain.stride):
             for k1 in next_instants(chain, i, k0):
-                s_x, s_z = _slope(chain, i, k0, k1, dt)
+                if not is_left(chain, i, k0, k1):
+                    continue
+                s_x, s_z = slope(chain, i, k0, k1, dt)
                 _arrive(chain, tilts, i + 1, k1, s_x, s_z, values, two[0])
                 row = two[_sweep(chain, tilts, limits, i, begin, k0, k1, two, TWO_ROWS)]
-                constant, found = _constants(chain, i, k0, k1, s_x, s_z), -np.inf
+                constant, found = constants(chain, i, k0, k1, s_x, s_z), -np.inf
                 for end in range(2 if i > 0 else 1):
                     place = chain.places[i, end]
                     rest = constant - s_x * place[0] - s_z * place[1]

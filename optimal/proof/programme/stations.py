@@ -155,7 +155,13 @@ def least_times(problem: Problem, hoops: Sequence[int], passing: Passing) -> Arr
         passing: what is known of the passing times of these hoops.
     """
     found = Stations(problem, hoops).least_times(problem, passing.windows)
-    found[1:-1] = np.maximum(found[1:-1], [low for low, _ in passing.durations])
+    if passing.windows:
+        known = [
+            passing.windows[0][0],
+            *(low for low, _ in passing.durations),
+            problem.duration - passing.windows[-1][1],
+        ]
+        found = np.maximum(found, known)
     return found
 
 

@@ -27,7 +27,10 @@ def results():
     sampled = {"draws": 300, "proven": 298, "open_seeds": [1_000_001, 1_000_002], "gap_steps_worst": 1}
     rows = {
         "convergence": [proof_row("hoop", 0.0099, 0.01), proof_row("hoop", 0.0009, 0.001, wall_time_s=3.0)],
-        "hoops": [proof_row("a", 0.0099, 0.01, hoops=1), proof_row("b", 0.2, 0.01, hoops=2, wall_time_s=300.0)],
+        "hoops": [
+            proof_row("a", 0.0099, 0.01, hoops=1, processor_time_s=2.5),
+            proof_row("b", 0.2, 0.01, hoops=2, wall_time_s=300.0, processor_time_s=400.0),
+        ],
         "random_tracks": [total],
         "track_validity": [valid, valid],
         "sampled_steps": [
@@ -56,7 +59,7 @@ def test_tables_have_a_line_for_each_proof_and_a_picture(results):
     assert "| `hoop` | 1.00 % | 0.990 % | 1.50 | 1,234 | 7 |" in chain.convergence(results)
     assert f"published/{chain_figures.CONVERGENCE})" in chain.convergence(results)
     text = chain.hoops(results)
-    assert "| 1 | 2.00000 | 1.98999 | 0.990 % | 1.50 | 1,234 | 7 |" in text
+    assert "| 1 | 2.00000 | 1.98999 | 0.990 % | 1.50 | 1,234 | 7 | 2.50 |" in text
     assert "| 2 | 2.00000 | 1.98999 | 20.000 % | 300 |" in text
     assert f"published/{chain_figures.HOOPS})" in text
 
@@ -109,7 +112,7 @@ def test_every_proof_is_a_point_of_its_figure(results):
         slopes = [slope for slope, other in chain_figures.REFERENCE_LINES.items() if other == name]
         assert not slopes or np.polyfit(x, y, 1)[0] == pytest.approx(slopes[0])
     proofs = [trace for trace in figure.data if trace.mode == "lines+markers"]
-    assert [list(trace.y) for trace in proofs] == [[1.5, 300.0], [1234, 1234]]
+    assert [list(trace.y) for trace in proofs] == [[2.5, 400.0], [1234, 1234]]
     assert all([colour == "white" for colour in trace.marker.color] == [False, True] for trace in proofs)
 
 
