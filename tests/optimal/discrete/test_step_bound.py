@@ -16,6 +16,7 @@ from optimal.discrete.step_bound import least_steps, prove_steps, relaxed_scenar
 from optimal.proof.branch_and_bound import ExcludedBranch
 from optimal.proof.lower_bound import Proof, Verdict
 from optimal.proof.programme.time_grid import HoldGrid
+from optimal.proof.stages import Stage
 
 HELD = {
     "goal": DISTRIBUTIONS["random-goal"].scenario(1_000_017),
@@ -55,6 +56,12 @@ def test_held_controls_exclude_a_time_that_a_flight_with_free_controls_takes(nam
     assert min(shot.trajectory.duration for shot in free if shot.converged) < found.time
 
 
+def replace_branch(proof: Proof, i: int, stages: tuple[Stage, ...]) -> Proof:
+    """Return a proof with other stages of one branch."""
+    changed = ExcludedBranch(proof.excluded[i].branch, stages)
+    return replace(proof, excluded=(*proof.excluded[:i], changed, *proof.excluded[i + 1 :]))
+
+
 @pytest.mark.parametrize("name", HELD)
 def test_a_forged_proof_with_held_controls_is_rejected(name):
     found = proof(name)
@@ -64,9 +71,10 @@ def test_a_forged_proof_with_held_controls_is_rejected(name):
     assert not replace(found, steps=found.steps + 1, time=(found.steps + 1) * found.scenario.dt).check()
     assert not replace(found, scenario=replace(found.scenario, dt=found.scenario.dt / 2)).check()
     assert not replace(found, steps=2 * found.steps, scenario=replace(found.scenario, dt=found.scenario.dt / 2)).check()
-    for i, (branch, stages) in enumerate(found.excluded):
+    for i, (_, stages) in enumerate(found.excluded):
         assert not replace(found, excluded=found.excluded[:i] + found.excluded[i + 1 :]).check() or not stages
-        if not isinstance(grid := stages[-1].grid, HoldGrid):
+        needed = not replace_branch(found, i, stages[:-1]).check()  # else the stages of its parent exclude a part
+        if not needed or not isinstance(grid := stages[-1].grid, HoldGrid):
             continue
         for wrong in (
             replace(grid, steps=grid.steps - grid.parts),
@@ -74,8 +82,8 @@ def test_a_forged_proof_with_held_controls_is_rejected(name):
             replace(grid, step=grid.step / 2),
             replace(grid, rate_max=grid.rate_max / 2),
         ):
-            forged = ExcludedBranch(branch, (*stages[:-1], stages[-1]._replace(grid=wrong)))
-            assert not replace(found, excluded=(*found.excluded[:i], forged, *found.excluded[i + 1 :])).check()
+            forged = (*stages[:-1], stages[-1]._replace(grid=wrong))
+            assert not replace_branch(found, i, forged).check()
 
 
 @pytest.mark.parametrize("name", HELD)
