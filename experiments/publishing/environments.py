@@ -8,7 +8,7 @@ a target that the measured one misses.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import floor
+from math import ceil, floor, log10
 from typing import Any
 
 from experiments.files import Row
@@ -21,7 +21,7 @@ TARGETS = {
     "compiled": "{:g} compiled again",
     "growth_mb": "≤ {:g} MB",
     "steps_per_s": "≥ {:,.0f}/s",
-    "same_share": "≥ {:.1%} alike",
+    "same_share": "share ≥ {:g}",
 }
 """Formats of targets by metric; all others are least ratios."""
 PACKAGES = ("flatgym", "gymnasium", "numpy", "numba", "stable-baselines3", "torch", "jax")
@@ -106,7 +106,7 @@ def agreement(rows: list[Row]) -> Iterator[list[str]]:
     for row in rows:
         what = f"{row['what']}, {row['precision']}: {row['env_steps']:,} steps on all scenarios, against NumPy"
         alike = f"{row['same']:,} of {row['episodes']:,} episodes alike"
-        yield [what, f"{alike}, errors ≤ {row['max_error']:.0e}", "-", "-", *target_cells(row)]
+        yield [what, f"{alike}, errors ≤ {rounded_up(row['max_error']):.0e}", "-", "-", *target_cells(row)]
 
 
 LINES: dict[str, Callable[[list[Row]], Iterator[list[str]]]] = {
@@ -143,6 +143,12 @@ def speed(row: Row) -> str:
 def rounded_down(ratio: float) -> str:
     """Return a ratio with two decimals, from 10 on with none."""
     return f"{floor(ratio * 100) / 100:.2f}" if ratio < 10 else f"{floor(ratio):,}"
+
+
+def rounded_up(error: float) -> float:
+    """Return an error with one digit."""
+    unit = 10.0 ** floor(log10(error)) if error > 0 else 1.0
+    return ceil(error / unit) * unit
 
 
 def name(row: Row) -> str:
