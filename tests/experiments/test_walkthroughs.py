@@ -145,9 +145,9 @@ def test_the_examples_for_tensors_are_short_and_score_against_k_star(left, name,
 
 
 def test_planning_descends(left, capsys):
-    names, _, _ = left("planning", capsys)
-    assert np.isfinite(names["losses"]).all()
-    assert np.min(names["losses"]) < np.min(names["jax"].vmap(names["loss"])(names["starts"]))
+    losses = left("planning", capsys)[0]["losses"]
+    assert np.isfinite(losses).all()
+    assert np.min(losses) < 5  # a random plan misses the goal by many tolerances: thousands
 
 
 def test_ppo_on_tensors_learns_from_finite_numbers(left, capsys):

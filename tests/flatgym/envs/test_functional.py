@@ -67,7 +67,7 @@ def test_gymnasiums_environment_runs_and_a_nan_ends_its_episode(drawn):
 
 
 def test_gymnasiums_vector_environment_runs_and_resets():
-    envs = FunctionalJaxVectorEnv(FlatQuadFuncEnv("random-hoops", "sparse", "state"), num_envs=4, max_episode_steps=3)
+    envs = FunctionalJaxVectorEnv(FlatQuadFuncEnv("random-goal", "sparse", "state"), num_envs=4, max_episode_steps=3)
     observations, _ = envs.reset(seed=0)
     assert observations.shape == (4, 5)
     for i in range(5):

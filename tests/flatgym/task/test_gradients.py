@@ -91,7 +91,7 @@ def returns(xp, values):
 def test_the_return_through_the_task_where_no_hoop_is_passed_or_missed(generator):
     # Where the number of hoops passed changes, the return jumps; where the direction that bounds the time to go
     # changes, it bends. There, differences of two widths disagree.
-    inputs = states_and_controls(generator, (2.5, 2.5), count=1400)
+    inputs = states_and_controls(generator, (2.5, 2.5), count=1350)
     coarse, fine = (differences(lambda values: returns(np, values), inputs, WIDTH / k) for k in (1, 2))
     smooth = np.abs(coarse - fine).max(axis=1) < 1e-6 * np.abs(fine).max(axis=1)
     assert smooth.sum() >= COUNT

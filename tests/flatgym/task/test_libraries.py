@@ -126,7 +126,7 @@ LIBRARIES = {"numpy": np, "torch": torch, "jax": jnp}
 def arrays(request):
     """A scene of three vehicles, its first episodes and hover, in each library."""
     xp = LIBRARIES[request.param]
-    scene = Scene.of([SCENARIOS["hoop"]] * 3).to(xp, dtype=xp.float32)
+    scene = Scene.of([SCENARIOS["diagonal"]] * 3).to(xp, dtype=xp.float32)
     return xp, scene, task.initial(scene), xp.asarray([[9.81, 0.0]] * 3, dtype=xp.float32)
 
 
