@@ -1,5 +1,6 @@
 """What all tests share: random states and controls, the paper's vehicle, a browser, a stand-in for moviepy."""
 
+import os
 import sys
 from types import ModuleType
 
@@ -8,6 +9,9 @@ import pytest
 
 from flatgym import Quadrotor
 from tests.browser import MISSING, find
+
+os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
+"""JAX compiles for a few steps only: half the time goes without optimisation."""
 
 
 @pytest.fixture

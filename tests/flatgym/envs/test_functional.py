@@ -36,12 +36,12 @@ def test_the_verbs_repeat_the_scalar_environment(drawn):
         state = after
 
 
-def test_seed_and_episode_give_the_same_task_as_numpy(drawn):
-    seed, episode = 5 * 2**32 + 3, 4
-    state = drawn.initial(jnp.asarray([5, 3, 0, 4], dtype=jnp.uint32))
-    row = DISTRIBUTIONS["random-hoops"].draw(np.array([seed], dtype=np.uint64), np.array([episode], dtype=np.uint64))[0]
+def test_seed_and_episode_give_the_same_task_as_numpy():
+    goals, seed, episode = FlatQuadFuncEnv("random-goal"), 5 * 2**32 + 3, 4
+    state = goals.initial(jnp.asarray([5, 3, 0, 4], dtype=jnp.uint32))
+    row = DISTRIBUTIONS["random-goal"].draw(np.array([seed], dtype=np.uint64), np.array([episode], dtype=np.uint64))[0]
     np.testing.assert_allclose(state[SCENE:], row, atol=1e-5)
-    np.testing.assert_array_equal(drawn.initial(jax.random.key(3)), drawn.initial(jax.random.PRNGKey(3)))
+    np.testing.assert_array_equal(goals.initial(jax.random.key(3)), goals.initial(jax.random.PRNGKey(3)))
 
 
 def test_params_are_another_scenario_and_never_arrays(drawn):
