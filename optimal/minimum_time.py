@@ -58,6 +58,7 @@ class Candidate:
         agreed: number of starts that ended within AGREEMENT of the best time.
         reason: the obstacle, or the method's own message; reported without a flight only.
         shot: the flight with its costates; shooting only.
+        certificate: the certificate of the flight, if the method has computed it.
         hamiltonian_drift: as in the certificate, if the method itself computes it.
         start: what the method started from, in words; flat only.
         corridors: the corridors that led to the flight, and the flights in them; flat only.
@@ -71,6 +72,7 @@ class Candidate:
     agreed: int = 0
     reason: str = ""
     shot: ShootingSolution | None = None
+    certificate: Certificate | None = None
     hamiltonian_drift: float = math.inf
     start: str = ""
     corridors: tuple[Any, ...] = ()
@@ -208,7 +210,8 @@ def _around_flight(corridor: str | None, checks: str, intervals: int | None) -> 
 
 def _certified(task: Scenario, candidate: Candidate) -> tuple[Candidate, Certificate]:
     """Return a candidate with its certificate; small violations of a flight by shooting are repaired."""
-    certificate, shot, drift = certify(candidate.flight, task), candidate.shot, candidate.hamiltonian_drift
+    certificate = candidate.certificate or certify(candidate.flight, task)
+    shot, drift = candidate.shot, candidate.hamiltonian_drift
     if shot is not None:
         if not certificate.holds():
             shot, certificate = tighten(task, shot, certificate)
@@ -257,21 +260,23 @@ def _flat(task: Scenario, windings: Sequence[int], callback: Callable[[Any], obj
 
     if obstacle := _obstacle(task):
         return obstacle
-    found = search_corridors(distinct_hoops(task), windings, callback)
+    flown = distinct_hoops(task)
+    found = search_corridors(flown, windings, callback)
     if not found.steps:
         if found.starts:
             reason = f"no certified flight was found in the corridors around {found.starts} coarse flights of shooting."
         else:
             reason = infeasibility_suspect(task)
         return Candidate(None, Status.NOT_CONVERGED, starts=found.starts, reason=reason)
-    last = found.steps[-1].solution
+    last = found.steps[-1]
     return Candidate(
-        last.trajectory,
-        Status.LOCALLY_OPTIMAL if last.optimised else Status.CERTIFIED,
+        last.solution.trajectory,
+        Status.LOCALLY_OPTIMAL if last.solution.optimised else Status.CERTIFIED,
         winding=found.winding,
         iterations=sum(step.solution.iterations for step in found.steps),
         starts=found.starts,
         agreed=found.agreed,
+        certificate=last.certificate if flown is task else None,
         start=f"a flight of shooting on the coarse grid, winding {found.winding}",
         corridors=found.steps,
     )

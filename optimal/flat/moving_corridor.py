@@ -1,8 +1,11 @@
 """The flat method for any scenario: corridors that follow the flight.
 
 A flight of another method, of any quality, is the start. A corridor is laid around it, eq. (10) is solved in that
-corridor from that flight, and a corridor is laid around the result, until the gain is small. Each flight is kept only
-if it is certified and faster than the one before, so the times only fall.
+corridor from that flight, and a corridor is laid around the result, until a corridor does not confine its flight or the
+gain is small. Each flight is kept only if it is certified and faster than the one before, so the times only fall.
+
+A flight that touches no outer path, but for the ends of the gaps, which all its corridors share, is a local optimum
+among all flights nearby. No other corridor around it contains a faster one.
 """
 
 from __future__ import annotations
@@ -11,12 +14,15 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from flatgym.quadrotor import Array
 from flatgym.scenarios.scenario import Scenario
 from optimal.flat.planning import plan
 from optimal.flat.projection import OutsideCorridorError
 from optimal.flat.solution import FlatSolution
-from optimal.flights.certificate import certify
+from optimal.flat.trajectory import FlatTrajectory
+from optimal.flights.certificate import Certificate, certify
 from optimal.flights.trajectory import Flight
 from optimal.paths.around import corridor_around, passings_of
 from optimal.paths.corridors import Corridor
@@ -26,6 +32,9 @@ GAIN = 1e-4
 """Relative gain in time below which no further corridor is laid."""
 MOST_CORRIDORS = 6
 """Most corridors of one flight."""
+CONTACT, AT_HOOPS, INSTANTS = 1e-3, 0.05, 2000
+"""Weight up to which a flight touches the outer path opposite; time from a hoop within which it touches the end of the
+gap [s]; instants that are looked at."""
 WINDOW = 0.12
 """Time over which a flight is smoothed before a corridor is laid around it [s]."""
 INTERVAL, BLOCK = 0.03, 16
@@ -39,10 +48,12 @@ class CorridorStep:
     Attributes:
         corridor: the corridor.
         solution: the flight between its outer paths.
+        certificate: the certificate of the flight, which holds.
     """
 
     corridor: Corridor
     solution: FlatSolution
+    certificate: Certificate
 
 
 def follow_flight(scenario: Scenario, start: Flight, passings: Array | None = None) -> Iterator[CorridorStep]:
@@ -63,10 +74,27 @@ def follow_flight(scenario: Scenario, start: Flight, passings: Array | None = No
             found = plan(corridor.paths, scenario.quadrotor, ends=corridor.ends, intervals=intervals, start=motion)
         except OutsideCorridorError:  # smooth outer paths cannot surround a flight that turns on the spot
             break
-        if found.trajectory is None or found.time >= fastest or not certify(found.trajectory, scenario).holds():
+        if found.trajectory is None or found.time >= fastest:
             break
-        yield CorridorStep(corridor, found)
+        certificate = certify(found.trajectory, scenario)
+        if not certificate.holds():
+            break
+        yield CorridorStep(corridor, found, certificate)
         gain, flight, fastest = 1 - found.time / fastest, found.trajectory, found.time
         times = passings_of(flight, scenario)
-        if gain < GAIN or len(times) < len(scenario.hoops):
+        if gain < GAIN or len(times) < len(scenario.hoops) or not confined(found.trajectory, times):
             break
+
+
+def confined(flight: FlatTrajectory, passings: Array) -> bool:
+    """Return whether a flight touches an outer path of its corridor away from hoops.
+
+    Args:
+        flight: the flight.
+        passings: the times at which it passes hoops [s], shape (n,).
+    """
+    times = np.linspace(0.0, flight.duration, INSTANTS)
+    first = flight.weights(flight.path_coordinate(times))
+    weights = np.concatenate([first, 1 - first.sum(axis=-1, keepdims=True)], axis=-1)
+    away = np.abs(times[:, None] - passings).min(axis=1, initial=math.inf) > AT_HOOPS
+    return bool((weights[away] < CONTACT).any())

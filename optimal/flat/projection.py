@@ -30,8 +30,8 @@ OUTSIDE = 0.01
 """Distance outside the corridor, relative to its greatest width, up to which a flight counts as inside."""
 GRAZING = 0.1
 """Sine of the angle between corridor and central path below which the times are interpolated."""
-STEADY = 1e-3
-"""Path coordinates next to each end within which times are interpolated: at rest, a crossing is ill-conditioned."""
+SLOW = 0.05
+"""Share of the greatest speed below which times are interpolated: near rest, a crossing is ill-conditioned."""
 
 
 class OutsideCorridorError(ValueError):
@@ -46,7 +46,7 @@ class Motion(Protocol):
         """Time from start to goal [s]."""
 
     def __call__(self, t: ArrayLike, order: int = 0) -> Array:
-        """Return the output (order 0) or its derivative in time (order 1), shape (..., outputs)."""
+        """Return the output or its derivative of an order below the system's, in time, shape (..., outputs)."""
 
 
 def projected(problem: PlanningProblem, flight: Motion, nodes: Array) -> Iterate:
@@ -81,9 +81,9 @@ def projected(problem: PlanningProblem, flight: Motion, nodes: Array) -> Iterate
     squared = slowness**-2.0 / problem.speed_unit
     speed = np.maximum(speed_space.nearest(s, squared), LEAST_SQUARED_SPEED)
     every = shared_points(nodes, problem.certified)
-    lift = problem.system.lift()
-    start = Iterate(nodes, coefficients, speed, np.tile(lift.guess, (len(every), 1)))
-    lifted = lift.values(motion(problem, start).jet(every))
+    # The flight's own jet: that of the splines is noisy, and the attitude sensitive to it where the thrust is small.
+    lift, instants = problem.system.lift(), np.interp(every, s, times)
+    lifted = lift.values([flight(instants, k) for k in range(problem.system.order)])
     return Iterate(nodes, coefficients, speed, np.clip(lifted, lift.low, lift.high))
 
 
@@ -118,7 +118,8 @@ def _times(problem: PlanningProblem, flight: Motion, s: Array, outer: Array) -> 
         step = np.where(np.abs(speed) > 1e-9, missed / np.where(np.abs(speed) > 1e-9, speed, 1.0), 0.0)
         times = np.clip(times - np.clip(step, -duration / TIMES, 2 * duration / TIMES), 0.0, duration)
     times[0], times[-1] = 0.0, duration
-    steady = clear & (s > STEADY) & (s < 1 - STEADY)
+    speed = np.linalg.norm(flight(times, 1), axis=-1)
+    steady = clear & (speed > SLOW * speed.max())
     steady[steady] = np.append(True, np.diff(times[steady]) > 0)
     steady[[0, -1]] = True
     return np.clip(make_interp_spline(s[steady], times[steady], k=3)(s), 0.0, duration)

@@ -20,9 +20,10 @@ REPLAY_TOLERANCE = 1e-6
 """Largest difference of a certified flight from its replay, and of its ends from rest [m, m/s, rad]."""
 MAX_TURN = 3.0
 """Largest rotation on one arc of a replay [rad]; the closed forms of `Arc` need less than a whole turn."""
-MAX_REFINEMENT, MAX_ARCS = 16, 2**16
-"""Largest factor of one refinement of the replay, and most arcs of an interval. One arc is exact for a control held
-over the interval; for smooth controls the error falls with the square of their number."""
+MAX_REFINEMENT, LEAST_FALL, MAX_ARCS = 16, 4, 2**16
+"""Largest factor of one refinement of the replay, least factor by which it aims to reduce the error, and most arcs of an
+interval. One arc is exact for a control held over the interval; for smooth controls the error falls with the square of
+their number."""
 
 
 def fine_grid(breakpoints: Array, parts: NDArray[np.intp]) -> Array:
@@ -89,7 +90,7 @@ def converged_replay(flight: Flight, scenario: Scenario) -> tuple[Array, Array, 
         ):
             break
         largest = added.max()
-        aim = min(REPLAY_TOLERANCE / 4 / math.sqrt(len(parts)), largest / MAX_REFINEMENT)
+        aim = min(REPLAY_TOLERANCE / 4 / math.sqrt(len(parts)), largest / LEAST_FALL)
         parts = np.ceil(parts * np.clip(np.sqrt(added / aim), 1, MAX_REFINEMENT)).astype(np.intp)
     return states, replay, arcs
 

@@ -1,10 +1,12 @@
-"""A corridor around a flight: outer paths on both sides of it, through the gaps of its hoops.
+"""A corridor around a flight: outer paths close to it on both sides, through the gaps of its hoops.
 
 The corridor of `optimal.paths.outer_paths` surrounds a rough centre line and must be wide. Around a flight that is near
-a local optimum a narrow one suffices. Its path coordinate is the share of the flight's duration, so that ds/dt is
-constant along the flight. At its crossing of a hoop, the outer paths pass through the ends of the gap exactly. Near it,
-they open slowly: where a flight touches a rim, its weight is 1, and splines whose coefficients are weights represent a
-slow change of the weight best.
+a local optimum a narrow one suffices, and the narrower it is, the easier is eq. (10): where the thrust is small, the
+rate is sensitive to the third derivatives of the outer paths, and these grow with the width.
+
+The path coordinate is the share of the flight's duration, so that ds/dt is constant along the flight. Outer paths pass
+a hoop together, on its line and within its gap. Everything that changes along the corridor (its width near rims, the
+direction of its ribs) changes smoothly, so that splines represent it without ripples.
 """
 
 from __future__ import annotations
@@ -20,20 +22,26 @@ from flatgym.scenarios.scenario import Hoop, Scenario
 from optimal.flights.replay import crossing_times
 from optimal.flights.trajectory import Flight
 from optimal.paths.corridors import Corridor, end_weights
-from optimal.paths.curves import BSplinePath, clamped_knots
+from optimal.paths.curves import BSplinePath, clamped_knots, smoothstep
 from optimal.paths.gates import overlap
-from optimal.paths.smoothing import SmoothMotion
+from optimal.paths.smoothing import SmoothMotion, averaged
 
-WIDTH = 0.4
+WIDTH = 0.1
 """Room to either side of the flight [m]."""
 OPENING = 0.5
-"""Time from a hoop within which the outer paths open from its gap to their full width [s]."""
+"""Time from a hoop within which the outer paths come closer to pass its gap [s]."""
+NEAR = 0.4
+"""Height above the floor, or below the ceiling, in which the outer paths lie above each other [m]."""
+SMOOTH = 3
+"""Order of the smoothstep by which width and direction of the corridor change."""
 KNOT_SPACING, LEAST_POINTS, DEGREE = 0.03, 16, 5
 """Time between knots of an outer path [s], its least number of control points, and its degree."""
 SAMPLES = 8
 """Points of the fit for each control point."""
 SLOW = 0.005
 """Share of the greatest speed below which a direction of flight is interpolated between its neighbours."""
+TURN = 0.15
+"""Time over which the direction of flight is averaged, which limits how fast the ribs of the corridor turn [s]."""
 NEWTON_STEPS = 4
 """Newton steps from a crossing of the replay to one of the flight."""
 TURNING = 0.15
@@ -66,27 +74,35 @@ def corridor_around(motion: SmoothMotion, scenario: Scenario, passings: Array, w
         raise ValueError(f"no corridor around a flight that crosses {len(passings)} of {len(scenario.hoops)} hoops")
     count = max(LEAST_POINTS, math.ceil(motion.duration / KNOT_SPACING) + DEGREE)
     s = np.linspace(0.0, 1.0, SAMPLES * count)
-    centre, angle = motion(s * motion.duration), _headings(motion, s) + math.pi / 2
+    times = s * motion.duration
+    centre, angle = motion(times), _headings(motion, s) + math.pi / 2
     centre[0], centre[-1] = scenario.start, scenario.goal  # to the last digit; a coarse flight ends within 1e-8
+    stations = np.array([0.0, *passings, motion.duration])
     rooms = np.full((2, len(s)), width)
+    crossed: list[tuple[Hoop, float]] = []
     fixed: tuple[list[Fixed], list[Fixed]] = ([], [])
-    for i, hoop in enumerate(scenario.hoops):
-        at, share = passings[i] / motion.duration, _nearness(s * motion.duration, passings, i)
-        velocity, middle = motion(passings[i], 1), float(np.interp(at, s, angle))
-        if not turns_round(velocity, hoop):
+    for i, (hoop, passing) in enumerate(zip(scenario.hoops, passings, strict=False)):
+        place, middle = motion(passing), float(np.interp(passing, times, angle))
+        if not turns_round(motion(passing, 1), hoop):
             last, first = _gap(hoop, scenario)
-            angle = angle + share * nearest_turn(math.atan2(hoop.across[1], hoop.across[0]) - middle)
-            aside = float((motion(passings[i]) - hoop.centre) @ hoop.across)
+            turn = nearest_turn(math.atan2(hoop.across[1], hoop.across[0]) - middle)
+            angle = angle + _nearness(times, stations[i : i + 3]) * turn
+            aside = float((place - hoop.centre) @ hoop.across)
             ends = (last - aside, aside - first)
-            for path, coordinate in zip(fixed, (last, first), strict=True):
-                path.append((at, hoop.centre + coordinate * hoop.across))
+            crossed.append((hoop, passing))
         else:
             inner = 0 if hoop.direction @ (math.cos(middle), math.sin(middle)) < 0 else 1
             ends = (0.0, NARROW) if inner == 0 else (NARROW, 0.0)
-            over = BEYOND - (motion(passings[i]) - hoop.centre) @ hoop.direction
-            fixed[inner].append((at, motion(passings[i]) + over * hoop.direction))
-        rooms = (1 - share) * rooms + share * np.maximum(ends, 0.0)[:, None]
-    angle = _upright_near_heights(angle, centre, width, scenario)
+            over = BEYOND - (place - hoop.centre) @ hoop.direction
+            fixed[inner].append((passing / motion.duration, place + over * hoop.direction))
+        narrowed = 1 - np.clip(np.array(ends) / width, 0.0, 1.0)
+        rooms *= 1 - narrowed[:, None] * _nearness(times, stations[[0, i + 1, -1]])
+    for hoop, passing in crossed:
+        (last, first), aside = _gap(hoop, scenario), (motion(passing) - hoop.centre) @ hoop.across
+        above, below = (np.interp(passing, times, room) for room in rooms)
+        for path, coordinate in zip(fixed, (min(last, aside + above), max(first, aside - below)), strict=True):
+            path.append((passing / motion.duration, hoop.centre + coordinate * hoop.across))
+    angle = _upright_near_heights(angle, centre, scenario)
     normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     targets = [_within(scenario, centre, sign * normal, room) for sign, room in zip((1.0, -1.0), rooms, strict=True)]
     paths = tuple(_fitted(s, targets[i], fixed[i], count, scenario) for i in range(2))
@@ -109,34 +125,43 @@ def turns_round(velocity: Array, hoop: Hoop) -> bool:
     return bool(velocity @ hoop.direction <= TURNING * np.hypot(*velocity))
 
 
-def _nearness(times: Array, passings: Array, index: int) -> Array:
-    """Return a smooth function of time that is 1 at one passing and 0 at the others, and beyond OPENING, shape (n,)."""
-    gaps = np.diff(passings, prepend=-np.inf, append=np.inf)[index : index + 2]
-    before, after = np.clip(gaps, KNOT_SPACING, OPENING)
-    since = times - passings[index]
+def _nearness(times: Array, stations: Array) -> Array:
+    """Return a smooth function of time that is 1 at the second of three stations and 0 beyond OPENING, shape (n,).
+
+    Args:
+        times: instants [s], shape (n,).
+        stations: times, between the first and the last of which the function is positive [s], shape (3,).
+    """
+    before, after = np.clip(np.diff(stations), KNOT_SPACING, OPENING)
+    since = times - stations[1]
     near = np.maximum(1 - np.where(since < 0, -since / before, since / after), 0.0)
-    return near**2 * (3 - 2 * near)
+    return np.asarray(smoothstep(SMOOTH)(near))
 
 
 def _headings(motion: SmoothMotion, s: Array) -> Array:
-    """Return the direction of flight at path coordinates [rad], shape (n,), without jumps."""
+    """Return the direction of flight at path coordinates [rad], shape (n,), averaged over TURN."""
     velocity = motion(s * motion.duration, 1)
     speed = np.hypot(*velocity.T)
     moving = speed > SLOW * speed.max()
-    heading = np.unwrap(np.arctan2(velocity[moving, 1], velocity[moving, 0]))
-    return np.interp(s, s[moving], heading)
+    heading = np.interp(s, s[moving], np.unwrap(np.arctan2(velocity[moving, 1], velocity[moving, 0])))
+    width = 2 * round(TURN * len(s) / motion.duration / 2) + 1
+    heading = averaged(heading, width, "symmetric")
+    times = s * motion.duration
+    for end, away in ((0, times), (-1, motion.duration - times)):
+        heading += smoothstep(SMOOTH)(np.maximum(1 - away / TURN, 0.0)) * (heading[end] - heading)
+    return heading
 
 
-def _upright_near_heights(angle: Array, centre: Array, width: float, scenario: Scenario) -> Array:
+def _upright_near_heights(angle: Array, centre: Array, scenario: Scenario) -> Array:
     """Return the angles of the ribs, turned towards the vertical where floor or ceiling is near [rad], shape (n,).
 
     A rib that is cut by the floor has one end there. Its other coordinate then follows the flight if it is vertical.
     """
     low, high = scenario.heights
     height = np.minimum(centre[:, 1] - low, high - centre[:, 1])
-    near = np.clip(1 - height / (width * np.maximum(np.abs(np.sin(angle)), 1e-9)), 0.0, 1.0)
+    near = smoothstep(SMOOTH)(np.clip(1 - height / NEAR, 0.0, 1.0))
     vertical = math.pi * np.rint(angle / math.pi - 0.5) + math.pi / 2
-    return angle + near**2 * (3 - 2 * near) * (vertical - angle)
+    return np.asarray(angle + near * (vertical - angle))
 
 
 def _gap(hoop: Hoop, scenario: Scenario) -> tuple[float, float]:
@@ -151,14 +176,18 @@ def _within(scenario: Scenario, centre: Array, direction: Array, room: Array) ->
     low, high = scenario.heights
     rise = direction[:, 1]
     height = np.where(rise > 0, high - centre[:, 1], centre[:, 1] - low)
-    steep = np.abs(rise) > 1e-9
-    room = np.where(steep, np.minimum(room, np.maximum(height, 0.0) / np.where(steep, np.abs(rise), 1.0)), room)
+    room = _reduced(room, height / np.maximum(np.abs(rise), 1e-9))
     radius = scenario.quadrotor.radius
     for rim in (rim for hoop in scenario.hoops if radius > 0 for rim in hoop.rims):
         offset = rim - centre
-        free = np.maximum(np.hypot(*offset.T) - radius, 0.0)
-        room = np.where((offset * direction).sum(axis=-1) > 0, np.minimum(room, free), room)
+        ahead = (offset * direction).sum(axis=-1) > 0
+        room = np.where(ahead, _reduced(room, np.hypot(*offset.T) - radius), room)
     return centre + room[:, None] * direction
+
+
+def _reduced(room: Array, free: Array) -> Array:
+    """Return a smooth function of room and free distance that is less than both [m], shape (n,)."""
+    return room * np.tanh(np.maximum(free, 0.0) / np.maximum(room, 1e-12))
 
 
 def _fitted(s: Array, targets: Array, fixed: list[Fixed], count: int, scenario: Scenario) -> BSplinePath:

@@ -9,7 +9,7 @@ velocities at both ends and the positions at given instants.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -63,9 +63,8 @@ def smoothed(flight: Flight, window: float, kept: Array = NOWHEN) -> SmoothMotio
     duration = flight.duration
     count = int(np.ceil(SAMPLES_PER_WINDOW * duration / window)) + 1
     times = np.linspace(0.0, duration, count)
-    kernel = np.hanning(SAMPLES_PER_WINDOW + 3)[1:-1]
     tilt, thrust = flight.state(times)[:, 4], flight.control(times)[:, 0]
-    tilt, thrust = (_averaged(values, kernel / kernel.sum()) for values in (tilt, thrust))
+    tilt, thrust = (averaged(values, SAMPLES_PER_WINDOW + 1) for values in (tilt, thrust))
     # The average moves the tilt at both ends, where the flight is upright.
     for end, near in ((0, np.exp(-2 * times / window)), (-1, np.exp(-2 * (duration - times) / window))):
         tilt += (2 * np.pi * np.rint(tilt[end] / (2 * np.pi)) - tilt[end]) * near
@@ -74,10 +73,17 @@ def smoothed(flight: Flight, window: float, kept: Array = NOWHEN) -> SmoothMotio
     return _restored(flight, times, acceleration, window, kept)
 
 
-def _averaged(values: Array, kernel: Array) -> Array:
-    """Return the moving average of a series that is continued by its end values."""
-    reach = len(kernel) // 2
-    return np.convolve(np.pad(values, reach, mode="edge"), kernel, mode="valid")
+def averaged(values: Array, width: int, beyond: Literal["edge", "symmetric"] = "edge") -> Array:
+    """Return the moving average of a series, shape (n,), over an odd number of values.
+
+    Args:
+        values: the series, shape (n,).
+        width: the number of values.
+        beyond: "edge": the series goes on with its end values; "symmetric": with its mirror image, so that the average
+            has no slope at the ends.
+    """
+    kernel = np.hanning(width + 2)[1:-1]
+    return np.convolve(np.pad(values, width // 2, mode=beyond), kernel / kernel.sum(), mode="valid")
 
 
 def _restored(flight: Flight, times: Array, acceleration: Array, window: float, kept: Array) -> SmoothMotion:
