@@ -21,7 +21,7 @@ REPLAY_TOLERANCE = 1e-6
 MAX_TURN = 3.0
 """Largest rotation on one arc of a replay [rad]; the closed forms of `Arc` need less than a whole turn."""
 MAX_REFINEMENT, LEAST_FALL, MAX_ARCS = 16, 4, 2**16
-"""Largest factor of one refinement of the replay, least factor by which it aims to reduce the error, and most arcs of an
+"""Largest factor of one refinement of the replay, least factor by which the error should fall, and most arcs of an
 interval. One arc is exact for a control held over the interval; for smooth controls the error falls with the square of
 their number."""
 

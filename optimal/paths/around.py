@@ -98,7 +98,7 @@ def corridor_around(motion: SmoothMotion, scenario: Scenario, passings: Array, w
         narrowed = 1 - np.clip(np.array(ends) / width, 0.0, 1.0)
         rooms *= 1 - narrowed[:, None] * _nearness(times, stations[[0, i + 1, -1]])
     for hoop, passing in crossed:
-        (last, first), aside = _gap(hoop, scenario), (motion(passing) - hoop.centre) @ hoop.across
+        (last, first), aside = _gap(hoop, scenario), float((motion(passing) - hoop.centre) @ hoop.across)
         above, below = (np.interp(passing, times, room) for room in rooms)
         for path, coordinate in zip(fixed, (min(last, aside + above), max(first, aside - below)), strict=True):
             path.append((passing / motion.duration, hoop.centre + coordinate * hoop.across))
