@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flatgym.scenarios.catalogue import ScenarioLike, scenario
 from flatgym.scenarios.scenario import Scenario
@@ -28,6 +28,9 @@ from optimal.flights.certificate import Certificate, certify
 from optimal.flights.solution import Solution, SolveFailed, Status
 from optimal.flights.trajectory import Flight
 from optimal.indirect.costates import report
+
+if TYPE_CHECKING:
+    from optimal.paths.corridors import Corridor
 
 MAX_GAP, TIME_BUDGET = 1e-3, 5.0
 """Largest relative gap between flight time and lower bound that the proof aims at, and its time limit [s]."""
@@ -86,7 +89,7 @@ def solve(
     starts: int = STARTS,
     seed: int = 0,
     nodes: int = NODES,
-    corridor: str | None = None,
+    corridor: str | Corridor | None = None,
     checks: str = "certified",
     intervals: int | None = None,
     callback: Callable[[Any], object] | None = None,
@@ -108,7 +111,8 @@ def solve(
         nodes: steps of the whole flight; shooting only.
         corridor: "flight": corridors around a flight, first one of coarse shooting, then the one found in the corridor
             before; "fixed": the paper's outer paths where it prints them, else automatic ones, from the paper's slow
-            start (section II-E). By default "flight", and "fixed" with checks="nodes" or intervals; flat only.
+            start (section II-E); or an own `optimal.Corridor`, from the same start. By default "flight", and "fixed"
+            with checks="nodes" or intervals; flat only.
         checks: "certified", or "nodes" for limits at grid nodes only, as published, in a fixed corridor; flat only.
         intervals: intervals of the first grid in a fixed corridor, None for the default of `plan`; flat only.
         callback: called with each corridor around a flight and the flight found in it, a
@@ -121,8 +125,9 @@ def solve(
 
     Raises:
         SolveFailed: with the problem and the result, when no certified flight was found.
-        ValueError: for an unknown scenario or method, a scenario or an option that the method does not take, no
-            windings or starts, or a gap or budget that is not positive.
+        ValueError: for an unknown scenario or method, a scenario or an option that the method does not take, an own
+            corridor that does not lead through the scenario, no windings or starts, or a gap or budget that is not
+            positive.
     """
     task = scenario(problem)
     choice("method", method, METHODS)
@@ -143,7 +148,7 @@ def solve(
             if method == "flat" and around_flight:
                 candidate = _flat(task, windings, callback)
             elif method == "flat":
-                candidate = _flat_in_fixed_corridor(task, checks, intervals)
+                candidate = _flat_in_fixed_corridor(task, corridor, checks, intervals)
             elif method == "pontryagin":
                 candidate = _pontryagin(task, windings)
             else:
@@ -196,11 +201,13 @@ def _require_options(method: str, given: dict[str, Any]) -> None:
             )
 
 
-def _around_flight(corridor: str | None, checks: str, intervals: int | None) -> bool:
+def _around_flight(corridor: str | Corridor | None, checks: str, intervals: int | None) -> bool:
     """Return whether the flat method lays corridors around flights; refuse options of fixed corridors with them."""
     as_published = checks != "certified" or intervals is not None
+    if corridor is not None and not isinstance(corridor, str):
+        return False
     if corridor not in (None, "flight", "fixed"):
-        raise ValueError(f'corridor must be "flight" or "fixed", got {corridor!r}')
+        raise ValueError(f'corridor must be "flight", "fixed" or an optimal.Corridor, got {corridor!r}')
     if corridor == "flight" and as_published:
         raise ValueError(
             f"checks={checks!r} and intervals={intervals!r} are options of corridor='fixed': leave them out, or use it"
@@ -282,12 +289,19 @@ def _flat(task: Scenario, windings: Sequence[int], callback: Callable[[Any], obj
     )
 
 
-def _flat_in_fixed_corridor(task: Scenario, checks: str, intervals: int | None) -> Candidate:
+def _flat_in_fixed_corridor(
+    task: Scenario, own: str | Corridor | None, checks: str, intervals: int | None
+) -> Candidate:
     from optimal.flat.planning import plan
     from optimal.flat.refinement import INTERVALS
     from optimal.paths.corridors import corridor, is_printed, paper_corridor
+    from optimal.paths.passage import require_passage
 
-    outer_paths = paper_corridor(task) if is_printed(task) else corridor(task)
+    if own is not None and not isinstance(own, str):
+        require_passage(own, task)
+        outer_paths = own
+    else:
+        outer_paths = paper_corridor(task) if is_printed(task) else corridor(task)
     size = INTERVALS if intervals is None else intervals
     found = plan(outer_paths.paths, task.quadrotor, ends=outer_paths.ends, checks=checks, intervals=size)
     if not found.converged:

@@ -24,14 +24,15 @@ from optimal.flat.solution import FlatSolution
 from optimal.flat.trajectory import FlatTrajectory
 from optimal.flights.certificate import Certificate, certify
 from optimal.flights.trajectory import Flight
-from optimal.paths.around import corridor_around, passings_of
+from optimal.paths.around import WIDTH, corridor_around, passings_of
 from optimal.paths.corridors import Corridor
+from optimal.paths.regularity import StandstillError
 from optimal.paths.smoothing import smoothed
 
 GAIN = 1e-4
 """Relative gain in time below which no further corridor is laid."""
 MOST_CORRIDORS = 6
-"""Most corridors of one flight."""
+"""Most corridors around the flights that follow one start."""
 CONTACT, AT_HOOPS, INSTANTS = 1e-3, 0.05, 2000
 """Weight up to which a flight touches the outer path opposite; time from a hoop within which it touches the end of the
 gap [s]; instants that are looked at."""
@@ -56,23 +57,32 @@ class CorridorStep:
     certificate: Certificate
 
 
-def follow_flight(scenario: Scenario, start: Flight, passings: Array | None = None) -> Iterator[CorridorStep]:
+def follow_flight(
+    scenario: Scenario,
+    start: Flight,
+    passings: Array | None = None,
+    *,
+    width: float = WIDTH,
+    most: int = MOST_CORRIDORS,
+) -> Iterator[CorridorStep]:
     """Yield corridors around a flight and the certified flights found in them, each faster than the one before.
 
     Args:
         scenario: the scenario.
         start: a flight from rest to rest through all hoops.
         passings: the times at which it passes the hoops [s], shape (hoops,); by default its replay's.
+        width: room to either side of a flight [m].
+        most: most corridors.
     """
     flight, fastest = start, math.inf
     times = passings_of(flight, scenario) if passings is None else passings
-    for _ in range(MOST_CORRIDORS):
+    for _ in range(most):
         motion = smoothed(flight, WINDOW, times)
-        corridor = corridor_around(motion, scenario, times)
+        corridor = corridor_around(motion, scenario, times, width)
         intervals = BLOCK * math.ceil(motion.duration / INTERVAL / BLOCK)
         try:
             found = plan(corridor.paths, scenario.quadrotor, ends=corridor.ends, intervals=intervals, start=motion)
-        except OutsideCorridorError:  # smooth outer paths cannot surround a flight that turns on the spot
+        except (OutsideCorridorError, StandstillError):  # no smooth path surrounds a flight that turns on the spot
             break
         if found.trajectory is None or found.time >= fastest:
             break

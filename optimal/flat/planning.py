@@ -26,7 +26,7 @@ from optimal.flat.projection import Motion
 from optimal.flat.refinement import INTERVALS, optimise
 from optimal.flat.solution import FlatSolution
 from optimal.paths.curves import Path
-from optimal.paths.regularity import require_smooth
+from optimal.paths.regularity import StandstillError, require_regular, require_smooth
 from optimal.systems import FlatSystem, PlanarQuadrotor
 
 STANDSTILL = 1e-6
@@ -71,6 +71,7 @@ def plan(
     if len(outer_paths) < 2:
         raise ValueError(f"outer_paths must be at least two paths, got {len(outer_paths)}; `follow` takes a single one")
     for i, path in enumerate(problem.outer_paths):
+        require_regular(path, f"path {i}")
         require_smooth(path, problem.system.order, f"path {i}")
     if start is not None:
         _require_system(problem, start)
@@ -143,7 +144,7 @@ def _require_moving(problem: PlanningProblem) -> None:
     s = np.linspace(0.02, 0.98, 193)
     speed = np.linalg.norm(motion(problem, central(problem, 4)).path(s, 1), axis=-1)
     if not np.all(speed > STANDSTILL):
-        raise ValueError(
+        raise StandstillError(
             f"the central path between the outer paths stands still at s = {s[np.argmin(speed)]:.2f}, but y' must not "
             "vanish between the ends; move the outer paths, or change the weights at the ends"
         )

@@ -29,6 +29,10 @@ BISECTIONS = 40
 QUADRATURE = np.polynomial.legendre.leggauss(3)
 
 
+class StandstillError(ValueError):
+    """A path stands still between its ends."""
+
+
 def require_smooth(path: Path, order: int, name: str = "the path") -> None:
     """Refuse a path whose derivatives up to order - 1 are not continuous, at knots or elsewhere.
 
@@ -68,14 +72,16 @@ def _jumps(path: Path, order: int, begin: Array, end: Array) -> Array:
     return np.asarray(np.abs(path(end, order) - path(begin, order) - explained).max(axis=-1))
 
 
-def require_regular(path: Path) -> None:
+def require_regular(path: Path, name: str = "the path") -> None:
     """Refuse a path that stands still inside (0, 1), where its direction and eq. (6) are undefined.
 
     Args:
         path: the path; y' = 0 at its ends is allowed.
+        name: the path's name in the error.
 
     Raises:
-        ValueError: naming the s at which y' vanishes or is not finite.
+        StandstillError: naming the s at which y' vanishes.
+        ValueError: naming the s at which y' is not finite.
     """
 
     def speed(s: ArrayLike) -> Array:
@@ -84,7 +90,7 @@ def require_regular(path: Path) -> None:
     s = np.linspace(0.0, 1.0, REGULARITY_SAMPLES + 1)
     speeds = speed(s)
     if not np.isfinite(speeds).all():
-        raise ValueError(f"the path's derivative is not finite at s = {s[~np.isfinite(speeds)][0]:.4g}")
+        raise ValueError(f"the derivative of {name} is not finite at s = {s[~np.isfinite(speeds)][0]:.4g}")
     least = STANDSTILL * speeds.max()
     # y' can vanish between two samples only if it changes by its own length from one to the next.
     change = np.linalg.norm(path(s, 2), axis=-1) / REGULARITY_SAMPLES
@@ -93,7 +99,7 @@ def require_regular(path: Path) -> None:
         minimum = minimize_scalar(speed, bounds=(s[i - 1], s[i + 1]), method="bounded", options={"xatol": 1e-12})
         if min(minimum.fun, speeds[i]) <= least:
             at = s[i] if speeds[i] <= minimum.fun else minimum.x
-            raise ValueError(
-                f"the path is degenerate: its derivative vanishes at s = {at:.4g}, inside (0, 1), where the path then "
+            raise StandstillError(
+                f"{name} is degenerate: its derivative vanishes at s = {at:.4g}, inside (0, 1), where the path then "
                 "has no direction; a path may stand still at its ends only"
             )

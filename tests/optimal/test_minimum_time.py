@@ -113,7 +113,7 @@ def test_a_wide_gap_is_never_called_optimal():
         ("pontryagin", {"nodes": 50}, "nodes=50 is an option of shooting; method 'pontryagin' takes windings"),
         ("pontryagin", {"checks": "nodes"}, "checks='nodes' is an option of flat"),
         ("shooting", {"corridor": "fixed"}, "corridor='fixed' is an option of flat"),
-        ("flat", {"corridor": "wide"}, 'corridor must be "flight" or "fixed", got \'wide\''),
+        ("flat", {"corridor": "wide"}, 'corridor must be "flight", "fixed" or an optimal.Corridor, got \'wide\''),
         (
             "flat",
             {"corridor": "flight", "checks": "nodes"},
@@ -139,7 +139,7 @@ def test_a_gap_or_budget_that_is_not_positive_is_refused_before_the_solve(monkey
 
 
 def test_the_reason_of_a_missing_certificate_names_what_does_not_hold(monkeypatch):
-    found = minimum_time._flat_in_fixed_corridor(SCENARIOS["horizontal-3"], "nodes", None)
+    found = minimum_time._flat_in_fixed_corridor(SCENARIOS["horizontal-3"], "fixed", "nodes", None)
     assert found.reason.startswith("Limits hold at grid nodes only")
     for claim in ("Solved: limits hold", ""):
         claimed = replace(found, status=Status.LOCALLY_OPTIMAL, reason=claim)
