@@ -7,6 +7,7 @@ direct/          direct multiple shooting over windings and initial guesses
 flat/            the flat method, the paper's eqs. (8) and (10)
 indirect/        Pontryagin's conditions
 proof/           lower bounds of the flight time: the dual, branch and bound
+candidates.py    the fastest flight that each method finds
 minimum_time.py  `solve`: T*, by one of the three methods
 discrete/        `fewest_steps`: K*, with held controls and a tolerance at the goal
 batch.py         many scenarios at once, with store.py (answers on disk), parallel.py (cores), cluster.py (Ray)

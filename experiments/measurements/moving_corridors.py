@@ -10,18 +10,28 @@ import statistics
 import time
 from dataclasses import replace
 
+import numpy as np
+
 import optimal
 from experiments.files import Row
 from experiments.measurements.sections import Advance, in_parallel
 from flatgym import DISTRIBUTIONS, SCENARIOS, Scenario
+from flatgym.quadrotor import Array
 from flatgym.scenarios.catalogue import scenario
-from optimal.direct.shooting import WINDINGS
+from optimal.direct.shooting import WINDINGS, solve_coarse
+from optimal.flat.moving_corridor import follow_flight
 from optimal.flat.search import starting_flights
+from optimal.flights.trajectory import Flight
 
 DRAWS = 100
 """Scenarios of each distribution."""
 STEEP = (1e-6, 1e-4, 1e-2, 0.1, 0.5, 1.0)
 """Distances to the side of goals 5 m above and below the start [m]."""
+CONVERGING, WEAK = {"slalom": 2, "loop": -1}, 14.0
+"""Scenarios of `flat_convergence` with the winding of T*, and the greatest thrust of the flights they start from
+[m/s^2]."""
+SHARES = np.linspace(0.0, 1.0, 161)
+"""Path coordinates, or shares of a duration, of the points of a drawn line."""
 
 
 def flat_flights(quick: bool, advance: Advance) -> list[Row]:
@@ -36,6 +46,40 @@ def flat_flights(quick: bool, advance: Advance) -> list[Row]:
         rows.append(flat_row(SCENARIOS[name]) | {"start_s": start})
         advance(i + 1, len(names))
     return rows
+
+
+def flat_convergence(quick: bool, advance: Advance) -> list[Row]:
+    """How do corridors lead from the flight of a weaker vehicle to the optimum?"""
+    rows = []
+    converging = {"horizontal-3": 0} if quick else CONVERGING
+    for i, (name, winding) in enumerate(converging.items()):
+        task = SCENARIOS[name]
+        start = solve_coarse(replace(task, quadrotor=replace(task.quadrotor, thrust_max=WEAK)), winding)
+        steps = list(follow_flight(task, start.trajectory, start.passings))
+        rows.append(
+            {
+                "scenario": name,
+                "thrust_max_of_start": WEAK,
+                "times_s": [start.trajectory.duration, *(step.solution.time for step in steps)],
+                "best_s": optimal.solve(task, max_gap=None).time,
+                "certified": [step.certificate.holds() for step in steps],
+                "flights_m": [line(start.trajectory), *(line(step.solution.trajectory) for step in steps)],
+                "outer_paths_m": [[polyline(path(SHARES)) for path in step.corridor.paths] for step in steps],
+            }
+        )
+        advance(i + 1, len(converging))
+    return rows
+
+
+def line(flight: Flight | None) -> list[list[float]]:
+    """Return points of a flight at equal time steps, rows (x, z) [m]."""
+    assert flight is not None
+    return polyline(flight(SHARES * flight.duration))
+
+
+def polyline(points: Array) -> list[list[float]]:
+    """Return points rounded to a tenth of a millimetre, rows (x, z) [m]."""
+    return [[float(value) for value in row] for row in np.round(points, 4)]
 
 
 def flat_draws(quick: bool, advance: Advance) -> list[Row]:

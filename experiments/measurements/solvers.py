@@ -135,6 +135,7 @@ SECTIONS: dict[str, Section] = {
     "corridors": flat.corridors,
     "flat_flights": moving_corridors.flat_flights,
     "flat_draws": moving_corridors.flat_draws,
+    "flat_convergence": moving_corridors.flat_convergence,
     "pontryagin": flat.pontryagin,
     "systems": flat.systems,
     "batch": batches.batch,

@@ -19,7 +19,7 @@ from dataclasses import replace
 
 from flatgym.scenarios.scenario import Scenario
 from optimal.direct.guesses import warm_start
-from optimal.direct.program import NODES, Shape, phase_steps
+from optimal.direct.program import Shape
 from optimal.direct.shooting import ShootingSolution, solve_from
 from optimal.direct.transcription import distinct_hoops, has_height_limits
 from optimal.flights.certificate import TOLERANCE, Certificate, certify
@@ -42,26 +42,22 @@ def rim_depth(scenario: Scenario, shot: ShootingSolution) -> float:
     return path_violation(arcs, replace(scenario, floor=None, ceiling=None))
 
 
-def keep_clear(
-    scenario: Scenario, shot: ShootingSolution, *, nodes: int = NODES, tolerant: bool = False
-) -> ShootingSolution:
-    """Return the nearby flight that keeps the body clear of all rims; a clear flight is returned unchanged.
+def keep_clear(scenario: Scenario, shot: ShootingSolution, *, tolerant: bool = False) -> ShootingSolution:
+    """Return the nearby flight, on the same grid, that keeps the body clear of all rims.
 
     Args:
         scenario: the task.
-        shot: a converged flight of the scenario for a point.
-        nodes: steps of the whole flight, as for `solve_winding`.
+        shot: a converged flight of the scenario for a point; one that is clear is returned unchanged.
         tolerant: whether the flight may end anywhere within the tolerance.
     """
     if not scenario.hoops or scenario.quadrotor.radius == 0:
         return shot
-    steps = phase_steps(scenario, nodes)
-    shape = Shape(steps, has_height_limits(scenario), tolerant, rims=True)
+    shape = Shape(shot.steps, has_height_limits(scenario), tolerant, rims=True)
     depth, clearance, iterations = rim_depth(scenario, shot), 0.0, shot.iterations
     for _ in range(ROUNDS):
         if depth <= MARGIN or not shot.converged:
             break
-        guess = warm_start(shot.trajectory, steps)
+        guess = warm_start(shot.trajectory, shot.steps)
         shot = solve_from(scenario, shape, shot.winding, guess, warm=True, clearance=clearance)
         iterations += shot.iterations
         depth = rim_depth(scenario, shot)

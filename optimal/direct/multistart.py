@@ -91,7 +91,7 @@ def search(
         point = shot = _refined(scenario, alike, nodes)
         # Rims only cost time: a point that is slower than a body clear of the rims needs no solve with rims.
         if point.converged and point.trajectory.duration < fastest * (1 + AGREEMENT):
-            shot = keep_clear(scenario, point, nodes=nodes)
+            shot = keep_clear(scenario, point)
             fastest = min(fastest, shot.trajectory.duration if shot.converged else math.inf)
         iterations += shot.iterations - alike[0].iterations
         if shot.converged:

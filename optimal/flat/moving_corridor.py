@@ -29,8 +29,9 @@ from optimal.paths.corridors import Corridor
 from optimal.paths.regularity import StandstillError
 from optimal.paths.smoothing import smoothed
 
-GAIN = 1e-4
-"""Relative gain in time below which no further corridor is laid."""
+GAIN, LARGE_GAIN = 1e-4, 1e-2
+"""Relative gain in time below which no further corridor is laid, and above which another one is laid in any case: the
+trust region around the start may have confined the flight, not the corridor."""
 MOST_CORRIDORS = 6
 """Most corridors around the flights that follow one start."""
 CONTACT, AT_HOOPS, INSTANTS = 1e-3, 0.05, 2000
@@ -90,9 +91,10 @@ def follow_flight(
         if not certificate.holds():
             break
         yield CorridorStep(corridor, found, certificate)
-        gain, flight, fastest = 1 - found.time / fastest, found.trajectory, found.time
+        gain, near = 1 - found.time / fastest, found.time > flight.duration * (1 - LARGE_GAIN)
+        flight, fastest = found.trajectory, found.time
         times = passings_of(flight, scenario)
-        if gain < GAIN or len(times) < len(scenario.hoops) or not confined(found.trajectory, times):
+        if gain < GAIN or len(times) < len(scenario.hoops) or (near and not confined(found.trajectory, times)):
             break
 
 

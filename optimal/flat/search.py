@@ -9,7 +9,7 @@ fastest in continuous time, and the corridor follows that one.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flatgym.scenarios.scenario import Scenario
 from optimal.direct.clearance import keep_clear
@@ -25,6 +25,9 @@ MOST_STARTS = 3
 """Most starts."""
 NARROWER = 0.8
 """Width of the gaps at which flights turn round, as a share of the whole gap."""
+
+BODY_MARGIN = 5e-3
+"""Growth of a body's radius for the starts, so that outer paths close to the flight are clear of the rims [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +85,20 @@ def starting_flights(scenario: Scenario, windings: Sequence[int]) -> list[Shooti
     A flight that turns round at a hoop touches its line at one instant, and one nearby crosses it twice, on both sides.
     Such flights are those of a scenario with narrower gaps, so that the flight nearby crosses within the gap.
     """
+    scenario = _with_larger_body(scenario)
     shots = _fastest(scenario, windings)
     if any(_turns_round(scenario, shot) for shot in shots):
         return _fastest(scenario.narrowed(NARROWER), windings)
     return shots
+
+
+def _with_larger_body(scenario: Scenario) -> Scenario:
+    """Return a scenario whose body is larger by BODY_MARGIN, as far as the gaps allow; a point stays a point."""
+    body = scenario.quadrotor
+    if body.radius == 0 or not scenario.hoops:
+        return scenario
+    room = min(hoop.half_gap(body.radius) for hoop in scenario.hoops)
+    return replace(scenario, quadrotor=replace(body, radius=body.radius + min(BODY_MARGIN, room / 2)))
 
 
 def _fastest(scenario: Scenario, windings: Sequence[int]) -> list[ShootingSolution]:

@@ -49,6 +49,8 @@ TURNING = 0.15
 BEYOND, NARROW = 1e-6, 0.02
 """Where a flight turns round at a hoop, the outer paths lie across the flight, not along the gap: one reaches BEYOND
 over the hoop's line, the other NARROW farther [m]."""
+CLEARANCE = 1e-3
+"""Distance of the outer paths from a body's contact with a rim [m]."""
 Fixed = tuple[float, Array]
 """A path coordinate and the point that a path passes there."""
 CLIPPINGS = 8
@@ -97,13 +99,14 @@ def corridor_around(motion: SmoothMotion, scenario: Scenario, passings: Array, w
             fixed[inner].append((passing / motion.duration, place + over * hoop.direction))
         narrowed = 1 - np.clip(np.array(ends) / width, 0.0, 1.0)
         rooms *= 1 - narrowed[:, None] * _nearness(times, stations[[0, i + 1, -1]])
+    angle = _upright_near_heights(angle, centre, scenario)
+    normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    rooms *= _clear_of_rims(scenario, times, centre, normal, width)
     for hoop, passing in crossed:
         (last, first), aside = _gap(hoop, scenario), float((motion(passing) - hoop.centre) @ hoop.across)
         above, below = (np.interp(passing, times, room) for room in rooms)
         for path, coordinate in zip(fixed, (min(last, aside + above), max(first, aside - below)), strict=True):
             path.append((passing / motion.duration, hoop.centre + coordinate * hoop.across))
-    angle = _upright_near_heights(angle, centre, scenario)
-    normal = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     targets = [_within(scenario, centre, sign * normal, room) for sign, room in zip((1.0, -1.0), rooms, strict=True)]
     paths = tuple(_fitted(s, targets[i], fixed[i], count, scenario) for i in range(2))
     return Corridor(paths, end_weights(paths, scenario.start, scenario.goal))
@@ -171,23 +174,37 @@ def _gap(hoop: Hoop, scenario: Scenario) -> tuple[float, float]:
     return (half, -half) if ends is None else (ends[1], ends[0])
 
 
+def _clear_of_rims(scenario: Scenario, times: Array, centre: Array, normal: Array, width: float) -> Array:
+    """Return the share of the width on both sides that a body leaves where it passes a rim closely, shape (2, n).
+
+    Args:
+        scenario: the scenario, with the radius of the body.
+        times: instants [s], shape (n,).
+        centre: the flight there [m], shape (n, 2).
+        normal: unit vectors from the flight to the first outer path, shape (n, 2).
+        width: room to either side of the flight [m].
+    """
+    share = np.ones((2, len(times)))
+    for rim in (rim for hoop in scenario.hoops if scenario.quadrotor.radius > 0 for rim in hoop.rims):
+        offset = rim - centre
+        free = np.hypot(*offset.T) - scenario.quadrotor.radius
+        for i in np.flatnonzero((free[1:-1] <= free[:-2]) & (free[1:-1] <= free[2:]) & (free[1:-1] < width)) + 1:
+            narrowed = 1 - min(max((free[i] - CLEARANCE) / width, 0.0), 1.0)
+            side = 0 if offset[i] @ normal[i] > 0 else 1
+            share[side] *= 1 - narrowed * _nearness(times, np.array([times[0], times[i], times[-1]]))
+    return share
+
+
 def _within(scenario: Scenario, centre: Array, direction: Array, room: Array) -> Array:
-    """Return the points at a distance from the centre line, less where floor, ceiling or a rim is nearer, (n, 2)."""
+    """Return the points at a distance from the centre line, less where floor or ceiling is nearer, shape (n, 2).
+
+    The distance is a smooth function of the room and of the distance to floor or ceiling, and less than both.
+    """
     low, high = scenario.heights
     rise = direction[:, 1]
     height = np.where(rise > 0, high - centre[:, 1], centre[:, 1] - low)
-    room = _reduced(room, height / np.maximum(np.abs(rise), 1e-9))
-    radius = scenario.quadrotor.radius
-    for rim in (rim for hoop in scenario.hoops if radius > 0 for rim in hoop.rims):
-        offset = rim - centre
-        ahead = (offset * direction).sum(axis=-1) > 0
-        room = np.where(ahead, _reduced(room, np.hypot(*offset.T) - radius), room)
-    return centre + room[:, None] * direction
-
-
-def _reduced(room: Array, free: Array) -> Array:
-    """Return a smooth function of room and free distance that is less than both [m], shape (n,)."""
-    return room * np.tanh(np.maximum(free, 0.0) / np.maximum(room, 1e-12))
+    free = np.maximum(height, 0.0) / np.maximum(np.abs(rise), 1e-9)
+    return centre + (room * np.tanh(free / np.maximum(room, 1e-12)))[:, None] * direction
 
 
 def _fitted(s: Array, targets: Array, fixed: list[Fixed], count: int, scenario: Scenario) -> BSplinePath:

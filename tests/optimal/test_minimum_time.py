@@ -125,7 +125,7 @@ def test_a_wide_gap_is_never_called_optimal():
     ],
 )
 def test_an_option_that_the_method_does_not_take_is_refused(monkeypatch, method, options, words):
-    for part in ("_flat", "_shooting", "_pontryagin"):
+    for part in ("by_flat_method", "by_shooting", "by_pontryagin"):
         monkeypatch.setattr(minimum_time, part, lambda *_: pytest.fail("a solve began"))
     with pytest.raises(ValueError, match=re.escape(words)):
         optimal.solve("horizontal-3", method, **options)
@@ -133,17 +133,17 @@ def test_an_option_that_the_method_does_not_take_is_refused(monkeypatch, method,
 
 @pytest.mark.parametrize(("option", "value"), [("max_gap", 0.0), ("max_gap", -1.0), ("time_budget", 0.0)])
 def test_a_gap_or_budget_that_is_not_positive_is_refused_before_the_solve(monkeypatch, option, value):
-    monkeypatch.setattr(minimum_time, "_shooting", lambda *_: pytest.fail("a solve began"))
+    monkeypatch.setattr(minimum_time, "by_shooting", lambda *_: pytest.fail("a solve began"))
     with pytest.raises(ValueError, match=f"{option} must be positive, got {value}"):
         optimal.solve("horizontal-3", **{option: value})
 
 
 def test_the_reason_of_a_missing_certificate_names_what_does_not_hold(monkeypatch):
-    found = minimum_time._flat_in_fixed_corridor(SCENARIOS["horizontal-3"], "fixed", "nodes", None)
+    found = minimum_time.in_fixed_corridor(SCENARIOS["horizontal-3"], "fixed", "nodes", None)
     assert found.reason.startswith("Limits hold at grid nodes only")
     for claim in ("Solved: limits hold", ""):
         claimed = replace(found, status=Status.LOCALLY_OPTIMAL, reason=claim)
-        monkeypatch.setattr(minimum_time, "_flat_in_fixed_corridor", lambda *_, claimed=claimed: claimed)
+        monkeypatch.setattr(minimum_time, "in_fixed_corridor", lambda *_, claimed=claimed: claimed)
         solution = optimal.solve("horizontal-3", "flat", corridor="fixed", raise_on_failure=False)
         assert solution.status is Status.NOT_CERTIFIED
         assert re.match(r"The certificate does not hold: max_control_violation = \S+, at most 1e-09", solution.reason)

@@ -155,7 +155,7 @@ def test_solve_writes_steps_that_can_be_held(monkeypatch, capsys, tmp_path):
 )
 def test_bad_arguments_of_solve_are_refused_before_the_work(monkeypatch, capsys, tmp_path, arguments, status, words):
     (tmp_path / "file").write_text("")
-    for part in ("_flat", "_shooting"):
+    for part in ("by_flat_method", "by_shooting"):
         if "flat" not in arguments:  # the flat method checks its own options
             monkeypatch.setattr(f"optimal.minimum_time.{part}", lambda *_: pytest.fail("a solve began"))
     given = [argument.format(tmp_path) for argument in arguments]

@@ -218,6 +218,26 @@ def test_a_displacement_along_x_takes_the_same_time_in_space_as_in_the_plane(
     assert replay_error(solution.trajectory) < 1e-6
 
 
+def test_a_quadrotor_in_space_flies_through_two_gates() -> None:
+    # Outer paths through the corners of square gates at x = 2 and 4 m; the control points of a gate lie in its plane.
+    gates, half = {2.0: (0.5, 0.4), 4.0: (-0.5, 0.6)}, 0.3
+    x = np.array([0, 0, 0, 0.4, 0.8, 1.2, 1.6, 2, 2.4, 2.8, 3.2, 3.6, 4, 4.4, 4.8, 5.2, 5.6, 6, 6, 6])
+    y, z = (np.interp(x, [0, 2, 4, 6], [0, *(place[i] for place in gates.values()), 0]) for i in range(2))
+    corners = [(1, 1), (1, -1), (-1, -1), (-1, 1)]
+    points = [np.stack([x, y + a * half, z + b * half, 0 * x], axis=-1) for a, b in corners]
+    solution = plan([BSplinePath(tuple(map(tuple, each.tolist()))) for each in points], FullQuadrotor(), intervals=16)
+    assert solution.optimised, solution.status
+    assert solution.violation <= 1e-6
+    assert solution.trajectory is not None
+    s = np.linspace(0.0, 1.0, 4001)
+    places = solution.trajectory.path(s)
+    walls = np.stack([path(s) for path in solution.trajectory.outer_paths])
+    for at in gates:
+        i = int(np.argmin(np.abs(places[:, 0] - at)))
+        assert (places[i] >= walls[:, i].min(axis=0) - 1e-9).all()
+        assert (places[i] <= walls[:, i].max(axis=0) + 1e-9).all()
+
+
 def test_mirrored_and_exchanged_outer_paths_give_the_same_time() -> None:
     for paths in ([level(-6, -1), level(-6, 1)], [level(6, 1), level(6, -1)]):
         assert plan(paths).time == pytest.approx(planned("horizontal-6").time, rel=1e-5)

@@ -38,18 +38,16 @@ def test_corridors_of_the_package_pass(name):
 
 @pytest.mark.parametrize("index", [0, 1])
 def test_a_path_that_leaves_a_gap_is_refused_with_its_place(index):
-    s = hoop_coordinates(SCENARIOS["slalom"])[1]
-    paths = list(SPLINE.paths)
-    aside = SCENARIOS["slalom"].hoops[1].across * SMALL * (1, -1)[index]
-    refused = 0
-    for sign in (1, -1):
-        paths[index] = moved(SPLINE.paths[index], tuple(sign * aside), at=s)
-        try:
-            require_passage(Corridor(tuple(paths), SPLINE.ends), SCENARIOS["slalom"])
-        except ValueError as error:
-            refused += 1
-            assert f"outer path {index} leaves the gap of hoops[1] at s = {s:.4g}: it is" in str(error)
-    assert refused == 1  # outwards, and not inwards
+    task, s = SCENARIOS["slalom"], hoop_coordinates(SCENARIOS["slalom"])[1]
+    outwards = np.sign((SPLINE.paths[index](s) - task.hoops[1].centre) @ task.hoops[1].across)
+    inside, outside = (
+        tuple(moved(path, tuple(sign * SMALL * outwards * task.hoops[1].across), at=s) if i == index else path
+        for i, path in enumerate(SPLINE.paths))
+        for sign in (-1, 1)
+    )  # fmt: skip
+    require_passage(Corridor(inside, SPLINE.ends), task)
+    with pytest.raises(ValueError, match=rf"outer path {index} leaves the gap of hoops\[1\] at s = {s:.4g}: it is"):
+        require_passage(Corridor(outside, SPLINE.ends), task)
 
 
 def test_paths_that_pass_a_hoop_one_after_the_other_are_refused():
@@ -60,8 +58,8 @@ def test_paths_that_pass_a_hoop_one_after_the_other_are_refused():
 
 
 def test_a_hoop_that_is_not_crossed_is_refused():
+    beyond = replace(SCENARIOS["horizontal-3"], name="beyond", hoops=(Hoop(4.0, 0.0, 0.5),))
     with pytest.raises(ValueError, match=r"outer path 0 does not cross hoops\[0\].*between s = 0 and s = 1"):
-        beyond = replace(SCENARIOS["horizontal-3"], name="beyond", hoops=(Hoop(4.0, 0.0, 0.5),))
         require_passage(paper_corridor(SCENARIOS["horizontal-3"]), beyond)
 
 
