@@ -25,6 +25,7 @@ def report(
 ) -> None:
     """Write one page with all results: leaderboard, gaps, learning curves, the paper's figures, and a race."""
     from experiments.benchmark.results import merge
+    from experiments.corridor_figure import SECTION
     from experiments.report.page import write
 
     check_output(out, (".html",))
@@ -36,7 +37,9 @@ def report(
         shown = merge(*newest_results(), published("benchmark.json"), published("learners.json"))
     with progress_bar() as bar:
         bar.add_task("report", total=None, note="")
-        page = write(out, shown, published("paper.json"))
+        sections = published("solvers.json")["sections"]
+        corridors = sections[SECTION]["rows"] if SECTION in sections else ()
+        page = write(out, shown, published("paper.json"), corridors=corridors)
     if as_json:
         typer.echo(json.dumps({"report": str(page.resolve()), "bytes": page.stat().st_size}))
     else:

@@ -14,6 +14,7 @@ from pathlib import Path
 from agents.imitation import CloneConfig, DaggerConfig
 from agents.policies.archive import PRETRAINED
 from agents.training.configs import PPOConfig
+from experiments import corridor_figure
 from experiments.files import PUBLISHED, REPOSITORY_RESULTS, ROOT, published
 from experiments.publishing import chain, learner_figure, pictures
 from experiments.publishing.defaults import defaults
@@ -23,7 +24,7 @@ from experiments.publishing.learners import learners, scores, trainings
 from experiments.publishing.paper import paper
 from experiments.publishing.policies import pretrained
 from experiments.publishing.scenarios import sheet, table, tracks
-from experiments.publishing.solvers import methods, optima
+from experiments.publishing.solvers import corridors, methods, optima
 from experiments.scoring import records
 from flatgym.files import write_text
 from flatgym.quadrotor import Quadrotor
@@ -51,6 +52,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "paper": lambda: paper(published("paper.json")),
     "optima": lambda: optima(published("solvers.json")),
     "methods": lambda: methods(published("solvers.json")),
+    "corridors": lambda: corridors(published("solvers.json")),
     "chain-convergence": lambda: chain.convergence(published("solvers.json")),
     "chain-hoops": lambda: chain.hoops(published("solvers.json")),
     "chain-tracks": lambda: chain.tracks(published("solvers.json")),
@@ -123,3 +125,4 @@ def draw(folder: Path) -> None:
     pictures.draw(folder, benchmark, published("paper.json"))
     learner_figure.draw(folder, published("learners.json"))
     chain.draw(folder, published("solvers.json"))
+    corridor_figure.draw(folder, published("solvers.json"))

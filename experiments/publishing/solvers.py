@@ -9,6 +9,7 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
+from experiments.corridor_figure import FILE, SECTION
 from experiments.files import Row
 from experiments.formats import lower_bound, percent
 from experiments.provenance import provenance_sentence
@@ -18,7 +19,7 @@ OPTIMA = ("bounds", "steps", "goal_bounds", "goal_steps", "validity")
 """Sections of the table of optima."""
 METHODS = (
     "references", "starts", "speed", "flat", "corridors", "pontryagin", "systems", "orders", "flat_orders", "batch",
-    "warm",
+    "warm", "flat_flights", "flat_draws",
 )  # fmt: skip
 """Sections of the table of methods."""
 
@@ -59,6 +60,8 @@ def measured_by(results: dict[str, Any], sections: Iterable[str]) -> str:
     """Return command, machines and dates of sections as a paragraph, one sentence for each machine."""
     dates: dict[str, list[str]] = {}
     for name in sections:
+        if name not in results["sections"]:
+            continue
         section = results["sections"][name]
         holder = section if "machine" in section else results
         source = {key: holder[key] for key in ("machine", "processor") if key in holder}
@@ -103,19 +106,22 @@ def flat_lines(rows: dict[str, list[Row]]) -> list[list[str]]:
         sum(row[key] for row in flat.values()) for key in ("starts_certified", "starts_good", "starts")
     )
     return [
-        ["flat method above T*, horizontals and ground-6, largest", percent(max(r["above_best"] for r in level), 2)],
+        [
+            "the paper's outer paths and start: above T*, horizontals and ground-6, largest",
+            percent(max(r["above_best"] for r in level), 2),
+        ],
         *[
-            [f"flat method above T* of its corridor, {name}", percent(flat[name]["above_best"], 2)]
+            [f"the same: above T* of its corridor, {name}", percent(flat[name]["above_best"], 2)]
             for name in ("diagonal", "hoop")
         ],
-        ["flat method, warm: horizontals and ground-6 [s]", f"{max(row['warm_s'] for row in level):.2f}"],
-        ["flat method, warm: diagonal, hoop [s]", ", ".join(f"{flat[n]['warm_s']:.1f}" for n in ("diagonal", "hoop"))],
+        ["the same, warm: horizontals and ground-6 [s]", f"{max(row['warm_s'] for row in level):.2f}"],
+        ["the same, warm: diagonal, hoop [s]", ", ".join(f"{flat[n]['warm_s']:.1f}" for n in ("diagonal", "hoop"))],
         [
-            "flat method from the paper's initial guess, several grids: certified, and within 0.5 %",
+            "the same, several grids: certified, and within 0.5 %",
             f"{certified}, {good} of {starts}",
         ],
         [
-            "automatic corridors above T*: hoop, high-hoop, slalom",
+            "automatic outer paths and the paper's start: above T*, hoop, high-hoop, slalom",
             ", ".join(percent(row["above_best"]) + ("" if row["optimised"] else " (not optimised)") for row in bends),
         ],
         *corridor_lines(rows),
@@ -123,30 +129,48 @@ def flat_lines(rows: dict[str, list[Row]]) -> list[list[str]]:
 
 
 def corridor_lines(rows: dict[str, list[Row]]) -> list[list[str]]:
-    """Return how close to T* the flat method comes in corridors around flights; none if it is not measured."""
-    if "flat_flights" not in rows:
-        return []
-    named, draws = rows["flat_flights"], rows["flat_draws"]
-    worst = max(named, key=lambda row: row["above_best"])
-    longest = max(row["solve_time_s"] - row["start_s"] for row in named)
-    return [
-        [
-            "flat method in corridors around flights: named scenarios certified, largest above T*",
-            f"{sum(row['certified'] for row in named)} of {len(named)}, {percent(worst['above_best'], 2)}",
-        ],
-        [
-            "its time without the start, warm, largest [s]",
-            f"{longest:.1f}",
-        ],
-        *[
+    """Return how close to T* the flat method comes in corridors around flights, as far as it is measured."""
+    lines = []
+    if named := rows.get("flat_flights"):
+        worst = max(named, key=lambda row: row["above_best"])
+        longest = max(named, key=lambda row: row["solve_time_s"] - row["start_s"])
+        lines += [
             [
-                f"the same, {row['kind']}: certified, median and largest above T*",
-                f"{row['certified']} of {row['scenarios']}, {percent(row['above_best_median'], 2)}, "
-                f"{percent(row['above_best_largest'], 2)}",
-            ]
-            for row in draws
-        ],
+                "flat method, corridors around flights: named scenarios certified, largest above T*",
+                f"{sum(row['certified'] for row in named)} of {len(named)}, {percent(worst['above_best'], 2)} "
+                f"(`{worst['scenario']}`)",
+            ],
+            [
+                "the same, warm, without the start: longest [s]",
+                f"{longest['solve_time_s'] - longest['start_s']:.1f} (`{longest['scenario']}`)",
+            ],
+        ]
+    return lines + [
+        [
+            f"the same, {row['kind']}: certified, median and largest above T*",
+            f"{row['certified']} of {row['scenarios']}, {percent(row['above_best_median'], 2)}, "
+            f"{percent(row['above_best_largest'], 2)}",
+        ]
+        for row in rows.get("flat_draws", ())
     ]
+
+
+def corridors(results: dict[str, Any]) -> str:
+    """Return the figure as Markdown, with what it shows and where it was measured."""
+    if SECTION not in results["sections"]:
+        return f"Not measured yet. `flatquad measure solvers {SECTION}` and `flatquad publish` fill this place."
+    rows = results["sections"][SECTION]["rows"]
+    parts = [
+        f"`{row['scenario']}` from {row['times_s'][0]:.3f} s to {row['times_s'][-1]:.4f} s in "
+        f"{len(row['times_s']) - 1} corridors, {percent(row['times_s'][-1] / row['best_s'] - 1, 2)} above T*"
+        for row in rows
+    ]
+    text = (
+        f"Both start from a flight of a vehicle with {rows[0]['thrust_max_of_start']:g} m/s² of thrust instead of 20 "
+        f"m/s²: {'; '.join(parts)}. All flights are certified."
+    )
+    picture = f"![Corridors that follow the flight](experiments/results/published/{FILE})"
+    return "\n\n".join([picture, paragraph(text), measured_by(results, (SECTION,))])
 
 
 def system_lines(rows: dict[str, list[Row]]) -> list[list[str]]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache
 from html import escape
@@ -55,7 +56,14 @@ SPEEDS = "".join(
 )
 
 
-def write(path: Path, benchmark: Row, paper: Row, leaderboard: Leaderboard | None = None) -> Path:
+def write(
+    path: Path,
+    benchmark: Row,
+    paper: Row,
+    leaderboard: Leaderboard | None = None,
+    *,
+    corridors: Sequence[Row] = (),
+) -> Path:
     """Write the report and return its path; a failure leaves the previous file intact.
 
     Args:
@@ -64,16 +72,17 @@ def write(path: Path, benchmark: Row, paper: Row, leaderboard: Leaderboard | Non
             an "error" instead of episodes.
         paper: results in the format of paper.json.
         leaderboard: that of the benchmark, if it is known already.
+        corridors: rows of the section `flat_convergence` of solvers.json.
 
     Raises:
         ValueError: for actions that cannot be flown.
         OSError: where the file cannot be written.
     """
-    write_text(path, page(benchmark, paper, leaderboard))
+    write_text(path, page(benchmark, paper, leaderboard, corridors=corridors))
     return path
 
 
-def page(benchmark: Row, paper: Row, leaderboard: Leaderboard | None = None) -> str:
+def page(benchmark: Row, paper: Row, leaderboard: Leaderboard | None = None, *, corridors: Sequence[Row] = ()) -> str:
     """Return the report as HTML; arguments and errors as of `write`."""
     leaderboard = leaderboard or Leaderboard.of(benchmark)
     conditions, paper_rows, race_data = benchmark["conditions"], table_1(paper), races(benchmark)
@@ -82,7 +91,7 @@ def page(benchmark: Row, paper: Row, leaderboard: Leaderboard | None = None) -> 
         problem_figures(problem, problem_charts(leaderboard, problem, conditions), by_id, i < OPEN_PROBLEMS)
         for i, problem in enumerate(leaderboard.problems)
     )
-    of_paper = figures("paper", paper_charts(paper.get("verdicts") or []), by_id)
+    of_paper = figures("paper", paper_charts(paper.get("verdicts") or [], corridors), by_id)
     return Template(asset("report.html")).substitute(
         style=asset("report.css"),
         theme=script(HEAD_SCRIPT),

@@ -1,4 +1,4 @@
-"""Charts of the paper's figures, and of the verdict on its times."""
+"""Charts of the paper's figures, of the verdict on its times, and of corridors that follow the flight."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+from experiments.corridor_figure import corridors_figure
 from experiments.paper import figures
 from experiments.report.chart_style import plain_figure
 from experiments.report.charts import Chart
@@ -16,11 +17,14 @@ FIXED_HEIGHT = ("figure-6", "verdicts")
 """Plots over time, and of verdicts, whose height does not follow the width."""
 
 
-def paper_charts(verdicts: Sequence[Mapping[str, Any]]) -> dict[str, Chart]:
-    """Return the charts by name: the paper's figures, and "verdicts" where there are any.
+def paper_charts(
+    verdicts: Sequence[Mapping[str, Any]], corridors: Sequence[dict[str, Any]] = ()
+) -> dict[str, Chart]:
+    """Return the charts by name: the paper's figures, and "verdicts" and "corridors" where there are any.
 
     Args:
         verdicts: the verdict rows of `paper.json`; may be empty.
+        corridors: the rows of the section `flat_convergence` of `solvers.json`; may be empty.
     """
     charts = {}
     for name, draw in figures.pages(verdicts).items():
@@ -39,4 +43,9 @@ def paper_charts(verdicts: Sequence[Mapping[str, Any]]) -> dict[str, Chart]:
             aspect=0.0 if name in FIXED_HEIGHT else height / figures.WIDTH,
             min_width=figures.WIDTH - 240 if with_margin else 0,
         )
+    if corridors:
+        figure = corridors_figure(corridors)
+        names = " and ".join(row["scenario"] for row in corridors)
+        caption = f"{names}: corridors follow the flight of a weak vehicle to the optimum"
+        charts["corridors"] = Chart(caption, caption, plain_figure(figure), figure.layout.height, min_width=640)
     return charts
