@@ -27,7 +27,7 @@ FIRST, LAST = "#d1603d", "#0b6e99"
 def corridors_figure(rows: Sequence[Row]) -> go.Figure:
     """Return corridors and flights of each scenario, and the time of each flight beside them."""
     figure = make_subplots(
-        rows=len(rows), cols=2, column_widths=[0.72, 0.28], horizontal_spacing=0.09, vertical_spacing=0.1,
+        rows=len(rows), cols=2, column_widths=[0.72, 0.28], horizontal_spacing=0.09, vertical_spacing=0.16,
         subplot_titles=[title for row in rows for title in (row["scenario"], "flight time")],
     )  # fmt: skip
     for i, row in enumerate(rows, start=1):
@@ -36,7 +36,10 @@ def corridors_figure(rows: Sequence[Row]) -> go.Figure:
     for name in ("hoop", "start", "goal"):
         figure.update_traces(showlegend=False, selector={"name": name})
     return layout(figure, "Corridors follow the flight to the optimum").update_layout(
-        width=1000, height=60 + 380 * len(rows), legend={"orientation": "h", "y": -0.06, "yanchor": "top", "x": 0.0}
+        width=1000,
+        height=120 + 340 * len(rows),
+        margin={"b": 90},
+        legend={"orientation": "h", "y": -0.1, "yanchor": "top", "x": 0.0, "xanchor": "left"},
     )
 
 
@@ -67,7 +70,10 @@ def draw_paths(figure: go.Figure, row: Row, panel: dict[str, int], *, legend: bo
 def draw_times(figure: go.Figure, row: Row, panel: dict[str, int]) -> None:
     """Draw the time of the start and of the flight in each corridor, above the best-known time."""
     steps = np.arange(len(row["times_s"]))
-    figure.add_hline(y=row["best_s"], line={"color": COLOURS[2], "width": 2, "dash": "dot"}, **panel)
+    figure.add_scatter(
+        x=steps[[0, -1]], y=[row["best_s"]] * 2, mode="lines", showlegend=False, hoverinfo="skip",
+        line={"color": COLOURS[2], "width": 2, "dash": "dot"}, **panel,
+    )  # fmt: skip
     figure.add_scatter(
         x=steps, y=row["times_s"], mode="lines+markers", showlegend=False, line={"color": INK, "width": 2},
         marker={"size": 8}, **panel,

@@ -17,9 +17,7 @@ FIXED_HEIGHT = ("figure-6", "verdicts")
 """Plots over time, and of verdicts, whose height does not follow the width."""
 
 
-def paper_charts(
-    verdicts: Sequence[Mapping[str, Any]], corridors: Sequence[dict[str, Any]] = ()
-) -> dict[str, Chart]:
+def paper_charts(verdicts: Sequence[Mapping[str, Any]], corridors: Sequence[dict[str, Any]] = ()) -> dict[str, Chart]:
     """Return the charts by name: the paper's figures, and "verdicts" and "corridors" where there are any.
 
     Args:
