@@ -47,8 +47,7 @@ def draw_paths(figure: go.Figure, row: Row, panel: dict[str, int], *, legend: bo
     """Draw the start, the corridors and the last flight of a scenario."""
     flights, corridors = [np.array(each) for each in row["flights_m"]], row["outer_paths_m"]
     shown = {"mode": "lines", "hoverinfo": "skip"} | panel
-    for number, outer in ((0, corridors[0]), (len(corridors) - 1, corridors[-1])):
-        colour, name = (FIRST, "first corridor") if number == 0 else (LAST, "last corridor")
+    for outer, colour, name in ((corridors[0], FIRST, "first corridor"), (corridors[-1], LAST, "last corridor")):
         first, second = (np.array(path) for path in outer)
         band = np.concatenate([first, second[::-1], first[:1]])
         figure.add_scatter(

@@ -161,12 +161,12 @@ def corridors(results: dict[str, Any]) -> str:
         return f"Not measured yet. `flatquad measure solvers {SECTION}` and `flatquad publish` fill this place."
     rows = results["sections"][SECTION]["rows"]
     parts = [
-        f"`{row['scenario']}` from {row['times_s'][0]:.3f} s to {row['times_s'][-1]:.4f} s in "
-        f"{len(row['times_s']) - 1} corridors, {percent(row['times_s'][-1] / row['best_s'] - 1, 2)} above T*"
+        f"`{row['scenario']}` from {row['times_s'][0]:.3f} s to {row['times_s'][-1]:.4f} s, "
+        f"{percent(row['times_s'][-1] / row['best_s'] - 1, 2)} above T*"
         for row in rows
     ]
     text = (
-        f"Both start from a flight of a vehicle with {rows[0]['thrust_max_of_start']:g} m/s² of thrust instead of 20 "
+        f"They start from flights of a vehicle with {rows[0]['thrust_max_of_start']:g} m/s² of thrust instead of 20 "
         f"m/s²: {'; '.join(parts)}. All flights are certified."
     )
     picture = f"![Corridors that follow the flight](experiments/results/published/{FILE})"

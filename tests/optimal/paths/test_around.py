@@ -14,6 +14,7 @@ from flatgym.scenarios.scenario import Hoop, Scenario
 from optimal.direct.shooting import solve_coarse
 from optimal.flat.planning import pose
 from optimal.flat.projection import projected
+from optimal.flat.search import starting_flights
 from optimal.flights.replay import crossing_times
 from optimal.paths.around import corridor_around
 from optimal.paths.corridors import Corridor
@@ -61,6 +62,16 @@ def test_floor_and_ceiling_bound_all_control_points():
             heights = np.array(path.points)[:, 1]
             assert bottom <= heights.min()
             assert heights.max() <= top
+
+
+def test_a_body_is_clear_of_the_rims_between_the_outer_paths():
+    body = replace(SCENARIOS["hoop"], name="body", quadrotor=replace(SCENARIOS["hoop"].quadrotor, radius=0.15))
+    start = starting_flights(body, (0,))[0]
+    corridor = corridor_around(smoothed(start.trajectory, 0.12, start.passings), body, start.passings)
+    s, share = np.linspace(0.0, 1.0, 2001)[:, None], np.linspace(0.0, 1.0, 21)[:, None]
+    between = share * corridor.paths[0](s) + (1 - share) * corridor.paths[1](s)
+    for rim in body.hoops[0].rims:
+        assert np.hypot(*np.moveaxis(between - rim, -1, 0)).min() >= body.quadrotor.radius
 
 
 def test_the_mirrored_flight_has_the_mirrored_corridor():
