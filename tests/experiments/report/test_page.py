@@ -37,7 +37,7 @@ def test_plotly_is_packed_unchanged(document):
 
 def test_the_page_is_written_to_its_path_only(tmp_path, monkeypatch):
     monkeypatch.setattr(
-        page, "page", lambda benchmark, paper, _: f"<p>{benchmark} {paper} \N{GREEK SMALL LETTER PI}</p>"
+        page, "page", lambda benchmark, paper, *_, **__: f"<p>{benchmark} {paper} \N{GREEK SMALL LETTER PI}</p>"
     )
     path = page.write(tmp_path / "report.html", {"a": 1}, {"b": 2})
     assert path == tmp_path / "report.html"
