@@ -69,6 +69,7 @@ def _obstacle(task: Scenario) -> Candidate | None:
 
 
 def by_shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int, nodes: int) -> Candidate:
+    """Return the fastest flight that shooting finds; arguments as in `optimal.solve`."""
     if obstacle := _obstacle(task):
         return obstacle
     found = search(distinct_hoops(task), windings=windings, starts=starts, seed=seed, nodes=nodes)
@@ -86,6 +87,7 @@ def by_shooting(task: Scenario, windings: Sequence[int], starts: int, seed: int,
 
 
 def by_flat_method(task: Scenario, windings: Sequence[int], callback: Callable[[Any], object] | None) -> Candidate:
+    """Return the fastest flight of the flat method in corridors around flights; arguments as in `optimal.solve`."""
     from optimal.flat.search import search as search_corridors
 
     if obstacle := _obstacle(task):
@@ -113,6 +115,13 @@ def by_flat_method(task: Scenario, windings: Sequence[int], callback: Callable[[
 
 
 def in_fixed_corridor(task: Scenario, own: str | Corridor | None, checks: str, intervals: int | None) -> Candidate:
+    """Return the fastest flight of the flat method in one corridor, the paper's or one's own.
+
+    Args:
+        task: the scenario.
+        own: a corridor, or "fixed" or None for the paper's where it prints one, else an automatic one.
+        checks, intervals: as in `optimal.solve`.
+    """
     from optimal.flat.planning import plan
     from optimal.flat.refinement import INTERVALS
     from optimal.paths.corridors import corridor, is_printed, paper_corridor
@@ -145,6 +154,7 @@ def in_fixed_corridor(task: Scenario, own: str | Corridor | None, checks: str, i
 
 
 def by_pontryagin(task: Scenario, windings: Sequence[int]) -> Candidate:
+    """Return the fastest flight that fulfils Pontryagin's conditions; arguments as in `optimal.solve`."""
     from optimal.indirect.pontryagin import pontryagin
 
     extremals = [pontryagin(task, winding) for winding in windings]

@@ -150,17 +150,30 @@ def test_the_reason_of_a_missing_certificate_names_what_does_not_hold(monkeypatc
         assert solution.headline == Status.NOT_CERTIFIED.value
 
 
-@pytest.mark.parametrize("drop", [0.15, 0.02, 0.01, 0.005])
-def test_tiny_ways_straight_down(drop):
+def straight_down(drop):
+    """Return a scenario straight below the start, and the time of the upright flight, thrust_min to thrust_max [s]."""
     task = replace(SCENARIOS["drop"], goal=(0.0, -drop), tolerance=Tolerance(position=1e-6))
     q = task.quadrotor
-    # At rest, then thrust_min, then thrust_max; a tilt while falling gains less than 0.1 %.
-    exact = math.sqrt(2 * drop * (1 / (q.gravity - q.thrust_min) + 1 / (q.thrust_max - q.gravity)))
-    shooting = optimal.solve(task, max_gap=None)
-    assert exact * (1 - 1e-3) < shooting.time < exact * (1 + 1e-3)
+    return task, math.sqrt(2 * drop * (1 / (q.gravity - q.thrust_min) + 1 / (q.thrust_max - q.gravity)))
+
+
+@pytest.mark.parametrize("drop", [0.15, 0.02, 0.01, 0.005])
+def test_shooting_flies_tiny_ways_straight_down(drop):
+    task, straight = straight_down(drop)
+    # A tilt while falling gains less than 0.2 %.
+    assert straight * (1 - 2e-3) < optimal.solve(task, max_gap=None).time < straight * (1 + 1e-3)
+
+
+def test_pontryagin_tilts_on_a_short_way_straight_down():
+    task, straight = straight_down(0.15)
+    assert straight * (1 - 2e-3) < optimal.solve(task, "pontryagin", max_gap=None).time < straight
+
+
+@pytest.mark.parametrize("drop", [0.02, 0.01, 0.005])
+def test_pontryagin_refuses_tiny_ways_straight_down(drop):
     # The vertical flight has no structure of bang and singular arcs: refused, since a flip is no optimum.
     with pytest.raises(optimal.SolveFailed, match=r"direct solution of winding 0 takes .* use method=\"shooting\""):
-        optimal.solve(task, "pontryagin", max_gap=None)
+        optimal.solve(straight_down(drop)[0], "pontryagin", max_gap=None)
 
 
 def test_a_row_has_plain_values_in_order():
