@@ -52,12 +52,17 @@ def provenance_sentence(
     """
     machine, versions = results.get("machine", {}), results.get("versions", {})
     kind = results.get("processor") or ", ".join(machine[key] for key in ("processor", "system") if key in machine)
-    where = f" on {machine['cores']} cores" + (f" ({kind})" if kind else "") if "cores" in machine else ""
+    where = f" on {cores(machine)}" + (f" ({kind})" if kind else "") if "cores" in machine else ""
     days = sorted({date[:10] for date in (dates or [results.get("date", "")]) if date})
     when = f", {days[0]}" + (f" to {days[-1]}" if days[1:] else "") if days else ""
     used = ", ".join(f"{name} {versions[name]}" for name in packages if name in versions)
     sentence = f"`{command or results['command']}`{where}{when}" + (f"; {used}." if used else ".")
     return f"{sentence} {SMALL_SIZES}" if results.get("smoke") else sentence
+
+
+def cores(machine: dict[str, Any]) -> str:
+    """Return the number of cores of a machine in words."""
+    return f"{machine['cores']} core" + "s" * (machine["cores"] != 1)
 
 
 def now() -> str:

@@ -24,6 +24,7 @@ from experiments.benchmark.formats import describe_disturbances, format_count, f
 from experiments.benchmark.leaderboard import Leaderboard, LeaderboardRow
 from experiments.files import Row, plain
 from experiments.paper.tables import TABLE_I, table_1
+from experiments.provenance import cores
 from experiments.report.chart_style import DARK
 from experiments.report.charts import Chart, problem_charts
 from experiments.report.elements import (
@@ -144,12 +145,12 @@ def numbers(benchmark: Row, leaderboard: Leaderboard, paper_rows: list[Row], rac
 def run_facts(benchmark: Row) -> str:
     """Return command, date, machine and versions as a description list."""
     machine, versions = benchmark.get("machine", {}), benchmark.get("versions", {})
-    cores = f"{machine['cores']} cores, " if "cores" in machine else ""
+    number = f"{cores(machine)}, " if "cores" in machine else ""
     kind = [str(value) for key, value in machine.items() if key != "cores"]
     facts = {
         "Command": f"<code>{escape(str(benchmark.get('command', '-')))}</code>",
         "Date": escape(str(benchmark.get("date", "-")).replace("T", " ").replace("+00:00", " UTC")),
-        "Hardware": cores + escape(", ".join([*kind, *filter(None, [benchmark.get("processor")])])),
+        "Hardware": number + escape(", ".join([*kind, *filter(None, [benchmark.get("processor")])])),
         "Versions": escape(", ".join(f"{name} {version}" for name, version in versions.items())),
         "Commit": f"<code>{escape(str(benchmark.get('commit') or '-'))}</code>",
     }
