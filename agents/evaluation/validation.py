@@ -56,7 +56,11 @@ class Validation:
         curve: list[Point] | None = None,
     ) -> None:
         self.problem, self.seed, self.target = catalogue.problem(problem), seed, target
-        self.episodes = 1 if isinstance(self.problem, Scenario) else episodes
+        if isinstance(self.problem, Scenario):
+            self._scenarios = [self.problem]  # one flight: a scenario is deterministic
+        else:
+            self._scenarios = [self.problem.scenario(seed + i) for i in range(episodes)]
+        self.episodes = len(self._scenarios)
         self.curve: list[Point] = [] if curve is None else curve
 
     @property
@@ -73,15 +77,10 @@ class Validation:
             wall_time: wall time of the training so far [s].
         """
         flights = fly(policy, self.problem, self.episodes, self.seed)
-        point = {"env_steps": env_steps, "wall_time_s": round(wall_time, 1)} | statistics(flights, self._scenarios())
+        point = {"env_steps": env_steps, "wall_time_s": round(wall_time, 1)} | statistics(flights, self._scenarios)
         improved = all(rank(point) > rank(other) for other in self.curve)
         self.curve.append(point)
         return improved
-
-    def _scenarios(self) -> list[Scenario]:
-        if isinstance(self.problem, Scenario):
-            return [self.problem]
-        return [self.problem.scenario(self.seed + i) for i in range(self.episodes)]
 
 
 def rank(point: Point) -> tuple[float, float]:
@@ -121,4 +120,4 @@ def statistics(flights: Episodes, scenarios: Sequence[Scenario]) -> Point:
 def way_left(scenario: Scenario, states: Array, actions: NDArray[np.float32]) -> float:
     """Return the least length of the way through the hoops ahead to the goal during a flight [m]."""
     flown = episode_outcomes(scenario, states, actions)
-    return float(remaining_path_length(Scene.of([scenario] * len(actions)), flown).min())
+    return float(remaining_path_length(Scene.of([scenario]).repeat(len(actions)), flown).min())
