@@ -1,6 +1,7 @@
 """The measurement of the environments at small size: every section runs, and ratios are those of the rounds."""
 
 import json
+import mmap
 import statistics
 
 import numpy as np
@@ -122,7 +123,9 @@ def test_a_leak_is_found():
     kept = []
 
     def play():
-        kept.append(np.ones(1_000_000))
+        pages = mmap.mmap(-1, 16_000_000)  # fresh pages: an allocator may hand out memory that is resident already
+        pages.write(bytes(len(pages)))
+        kept.append(pages)
         return 1
 
     first, *_, last = resident_at(Candidate("leak", 1, play), [2, 10])
