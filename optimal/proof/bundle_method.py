@@ -40,7 +40,8 @@ class Separation(NamedTuple):
         value: F at that point, a proven bound that includes the rounding error.
         evaluations: number of evaluations of F.
         impossible: whether the origin is a combination of subgradients, so that no multipliers have F < 0.
-        chain: the chain with the greatest share in the combination that is closest to the origin, as in `Cut.chain`.
+        chain: the chain with the greatest share in the combination that is closest to the origin, as in `Cut.chain`;
+            of the last cut where F < 0.
         middle, spread: mean and standard deviation of its chains. They disagree most where a branch is best split.
     """
 
@@ -82,8 +83,10 @@ def separate(
             length *= 2 if value < best else 0.5
         if value < best:
             best, centre = value, point
+        if best < 0:
+            return Separation(centre, float(best), len(chains), False, cut.chain, cut.chain, np.zeros_like(cut.chain))
         impossible = _contains_origin(slopes, cone)
-        if best < 0 or impossible:
+        if impossible:
             break
         if points:
             continue

@@ -105,3 +105,14 @@ def test_signed_multipliers_restrict_the_planes(generator):
     signed = separate(Polyhedron(points, [0]), [start])
     assert signed.value >= 0
     assert signed.multipliers[0] >= 0
+
+
+def test_multipliers_without_any_chain_separate():
+    # Pruning may leave no pair of passing times, so that F is -inf and no chain is known.
+    class Pruned(Polyhedron):
+        def __call__(self, y):
+            return super().__call__(y)._replace(chain=np.ones(4)) if y[0] > 0 else Cut(-np.inf, 0.0, np.zeros(2))
+
+    found = separate(Pruned([[1.0, 0.0], [0.0, 1.0]]), [np.array([1.0, 0.0]), np.array([-1.0, 0.0])])
+    assert found.value == -np.inf
+    assert found.multipliers.tolist() == [-1.0, 0.0]
