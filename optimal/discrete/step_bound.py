@@ -14,7 +14,7 @@ from flatgym.scenarios.scenario import Scenario, Tolerance
 from flatgym.task.transition import CONTACT_SLACK
 from optimal.direct.shooting import ShootingSolution
 from optimal.flights.projection_bound import projection_bound
-from optimal.proof.lower_bound import GAP_STEP, MAX_GAP, TIME_BUDGET, Proof, raise_bound, require_positive
+from optimal.proof.lower_bound import MAX_GAP, TIME_BUDGET, Proof, gap_step, raise_bound, require_positive
 
 ROUNDING_MARGIN = 1e-9
 """Margin by which a task is relaxed to include the rounding of an environment [m, m/s, rad]."""
@@ -36,7 +36,7 @@ def prove_steps(target: Scenario, shot: ShootingSolution, steps: int, time_budge
     simple, fewer, durations = projection_bound(relaxed, relaxed.tolerance), 2.0, list[tuple[float, float]]()
     while (time := (steps - fewer) * target.dt) > simple:
         durations.insert(0, (time * (1 + ROUNDING_MARGIN), flown / time - 1))
-        fewer *= GAP_STEP
+        fewer *= gap_step(target)
     return raise_bound(relaxed, shot, relaxed.tolerance, durations, time_budget, flown=flown, steps=steps - 1)
 
 

@@ -2,7 +2,7 @@
 
 A time T is excluded if every flight of duration T belongs to an excluded branch (`optimal.proof.branch_and_bound`). All
 shorter times are then excluded too, because a flight could hover first. The first T is well below the time of the
-fastest known flight. The gap to that time is then divided by GAP_STEP repeatedly, so that any time budget ends with a
+fastest known flight. The gap to that time is then divided by a constant repeatedly, so that any time budget ends with a
 proof. A T that cannot be excluded in most of the time left gives way to one between it and the bound. The initial
 multipliers are the costates of the fastest known flight.
 """
@@ -34,8 +34,10 @@ from optimal.proof.stages import Stage, passing_left
 
 MAX_GAP, TIME_BUDGET = 1e-3, 60.0
 """Requested relative gap between the bound and the fastest known flight, and wall time allowed for it [s]."""
-LARGEST_GAP, GAP_STEP = 10.0, 8.0
-"""Upper limit of the first gap of a proof, where the projection bound gives none, and ratio of consecutive gaps."""
+LARGEST_GAP = 10.0
+"""Upper limit of the first gap of a proof, where the projection bound gives none."""
+GAP_STEP, TRACK_GAP_STEP = 8.0, 4.0
+"""Ratio of consecutive gaps, and the same with several hoops, where an attempt that fails costs more."""
 SHARE, LEAST_GAP_STEP = 2 / 3, 1.5
 """Share of the time left in which a duration must be excluded, before one between it and the bound is tried, and least
 ratio of their gaps for that."""
@@ -209,12 +211,17 @@ def prove_near(
     require_positive(max_gap, time_budget)
     flown = shot.trajectory.duration
     simple = projection_bound(target, tolerance)
-    gaps = [max_gap]
-    while gaps[0] < LARGEST_GAP and flown / (1 + GAP_STEP * gaps[0]) > simple:
-        gaps.insert(0, GAP_STEP * gaps[0])
+    gaps, ratio = [max_gap], gap_step(target)
+    while gaps[0] < LARGEST_GAP and flown / (1 + ratio * gaps[0]) > simple:
+        gaps.insert(0, ratio * gaps[0])
     # A quotient of rounded numbers must not exceed the requested gap.
     durations = [(flown / (1 + gap) * (1 + 4 * UNIT_ROUNDOFF), gap) for gap in gaps]
     return raise_bound(target, shot, tolerance, durations, time_budget)
+
+
+def gap_step(target: Scenario) -> float:
+    """Return the ratio of consecutive gaps of a proof."""
+    return TRACK_GAP_STEP if len(target.hoops) > 1 else GAP_STEP
 
 
 def raise_bound(
