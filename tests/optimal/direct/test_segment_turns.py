@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from flatgym import SCENARIOS, Hoop, Scenario
+from optimal.direct import segment_turns
 from optimal.direct.guesses import turned_guess, warm_start
 from optimal.direct.multistart import search
 from optimal.direct.segment_turns import search_segment_turns
@@ -50,6 +51,16 @@ def test_the_search_ends_where_no_turn_on_one_segment_is_faster(slalom):
     assert min(shot.trajectory.duration for shot in again if shot.converged) > fastest.trajectory.duration * (1 - 1e-5)
     # The last start takes only passing times and tilts of the flight, and leads back to it.
     assert again[-1].trajectory.duration == pytest.approx(fastest.trajectory.duration, rel=1e-4)
+
+
+def test_turns_far_apart_do_not_interact(monkeypatch):
+    start = solve_coarse(SCENARIOS["ladder"])
+    found = search_segment_turns(SCENARIOS["ladder"], [start], lambda _: True)
+    monkeypatch.setattr(segment_turns, "REACH", len(start.steps))
+    every = search_segment_turns(SCENARIOS["ladder"], [start], lambda _: True)
+    assert len(found) < len(every)
+    fastest, known = (min(shot.trajectory.duration for shot in shots if shot.converged) for shots in (found, every))
+    assert fastest == pytest.approx(known, rel=1e-5)
 
 
 def test_only_allowed_windings_are_searched(slalom):
