@@ -23,6 +23,7 @@ def results():
     """Results with every section of the chain."""
     total = {"tracks": 2, "certified": 2, "checked": 1, "gap_median": 0.00123, "gap_worst": None}
     total |= {"gap_asked": 0.002, "budget_s": 60.0, "wall_time_median_s": 12.34, "scenario": "all"}
+    total |= {"wide": 1, "wide_gap": 0.01, "wide_budget_s": 240.0}
     valid = {"certified": 200, "above_a_flight": 0, "slower_excluded": 1}
     sampled = {"draws": 300, "proven": 298, "open_seeds": [1_000_001, 1_000_002], "gap_steps_worst": 1}
     rows = {
@@ -72,10 +73,12 @@ def test_wall_times_have_three_digits(value, text):
 def test_totals_of_tracks_are_stated_and_an_unknown_gap_is_no_number(results):
     text = words(chain.tracks(results))
     assert "Of 2 draws of `random-track`, 2 have a certified flight, and 1 proofs hold when recomputed" in text
-    assert "the median gap is 0.12 %, the largest unknown, at a median of 12.3 s." in text
+    assert "the median gap is 0.12 % at a median of 12.3 s. The 1 draws with" in text
+    assert "proven again with 240 s. The largest gap is then unknown." in text
     assert "400 other sampled tracks of 2 to 6 hoops with 2 vehicles, 0 are above" in text
     assert "was excluded 2 times" in text
-    assert "K* is proven for 298 of 300 draws of `random-hoops` (at most 1 open)." in text
+    assert "K* is proven for 298 of 300 draws of `random-hoops`. The proof spent its time budget" in text
+    assert "a gap of 1 step at most for the seeds 1000001, 1000002 of `random-hoops`." in text
 
 
 def test_proven_scenarios_are_counted_from_the_shipped_table(monkeypatch):
