@@ -30,7 +30,7 @@ STEEP = (1e-6, 1e-4, 1e-2, 0.1, 0.5, 1.0)
 CONVERGING, WEAK = {"slalom": 2, "loop": -1}, 16.0
 """Scenarios of `flat_convergence` with the winding of T*, and the greatest thrust of the flights they start from
 [m/s^2]."""
-SHARES = np.linspace(0.0, 1.0, 161)
+SHARES = np.linspace(0.0, 1.0, 81)
 """Path coordinates, or shares of a duration, of the points of a drawn line."""
 
 

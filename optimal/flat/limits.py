@@ -9,6 +9,7 @@ derivative by c^k.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -74,14 +75,17 @@ def slowed_to_limits(flight: FlatTrajectory, max_factor: float) -> FlatTrajector
     Returns:
         The scaled motion; None where `max_factor` does not suffice.
     """
-    s, factor = flight.interval_points(2 * SAMPLES), 1.0
+    s, factor, before = flight.interval_points(2 * SAMPLES), 1.0, math.inf
     jet = flight.jet(s)
     while factor <= max_factor:
         slower = replace(flight, squared_speed=_scaled(flight.squared_speed, factor**-2))
-        violation = float(_violations(flight.system, [y / factor**k for k, y in enumerate(jet)]).max(initial=0.0))
-        violation = violation or constraint_violation(slower) or proven_violation(slower)
+        sampled = float(_violations(flight.system, [y / factor**k for k, y in enumerate(jet)]).max(initial=0.0))
+        violation = sampled or constraint_violation(slower) or proven_violation(slower)
         if violation == 0:
             return slower
+        if 0 < before <= sampled:  # a limit that a slower motion does not keep better
+            return None
+        before = sampled
         factor *= 1 + 1.01 * violation + 1e-9
     return None
 

@@ -2,7 +2,8 @@
 
 A flight of another method, of any quality, is the start. A corridor is laid around it, eq. (10) is solved in that
 corridor from that flight, and a corridor is laid around the result, until a corridor does not confine its flight or the
-gain is small. Each flight is kept only if it is certified and faster than the one before, so the times only fall.
+gain is small. The gain of a corridor shows on the first grid, and a flight without gain there is not refined. Each
+flight is kept only if it is certified and faster than the one before, so the times only fall.
 
 A flight that touches no outer path, but for the ends of the gaps, which all its corridors share, is a local optimum
 among all flights nearby. No other corridor around it contains a faster one.
@@ -65,6 +66,7 @@ def follow_flight(
     *,
     width: float = WIDTH,
     most: int = MOST_CORRIDORS,
+    slowest: float = math.inf,
 ) -> Iterator[CorridorStep]:
     """Yield corridors around a flight and the certified flights found in them, each faster than the one before.
 
@@ -74,6 +76,7 @@ def follow_flight(
         passings: the times at which it passes the hoops [s], shape (hoops,); by default its replay's.
         width: room to either side of a flight [m].
         most: most corridors.
+        slowest: a first flight that is not faster than this on the first grid ends the sequence unrefined [s].
     """
     flight, fastest = start, math.inf
     times = passings_of(flight, scenario) if passings is None else passings
@@ -82,7 +85,14 @@ def follow_flight(
         corridor = corridor_around(motion, scenario, times, width)
         intervals = BLOCK * math.ceil(motion.duration / INTERVAL / BLOCK)
         try:
-            found = plan(corridor.paths, scenario.quadrotor, ends=corridor.ends, intervals=intervals, start=motion)
+            found = plan(
+                corridor.paths,
+                scenario.quadrotor,
+                ends=corridor.ends,
+                intervals=intervals,
+                start=motion,
+                slowest=slowest,
+            )
         except (OutsideCorridorError, StandstillError):  # no smooth path surrounds a flight that turns on the spot
             break
         if found.trajectory is None or found.time >= fastest:
@@ -92,7 +102,7 @@ def follow_flight(
             break
         yield CorridorStep(corridor, found, certificate)
         gain, near = 1 - found.time / fastest, found.time > flight.duration * (1 - LARGE_GAIN)
-        flight, fastest = found.trajectory, found.time
+        flight, fastest, slowest = found.trajectory, found.time, found.first_time * (1 - GAIN)
         times = passings_of(flight, scenario)
         if gain < GAIN or len(times) < len(scenario.hoops) or (near and not confined(found.trajectory, times)):
             break

@@ -13,6 +13,7 @@ its nodes. `checks="certified"` keeps the limits in continuous time.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -42,6 +43,7 @@ def plan(
     checks: str = "certified",
     intervals: int = INTERVALS,
     start: Motion | None = None,
+    slowest: float = math.inf,
 ) -> FlatSolution:
     """Return the fastest motion between outer paths, from rest to rest.
 
@@ -57,6 +59,7 @@ def plan(
         intervals: intervals of the first grid, at least 4.
         start: a motion between the outer paths, which is projected on them; by default the slow motion along the
             central path of section II-E. The solution has as many turns of the vehicle as its start.
+        slowest: a motion that is not faster than this on the first grid is not refined, and there is no solution [s].
 
     Returns:
         The solution. If the solve fails, its time is inf and its status gives the reason.
@@ -75,7 +78,7 @@ def plan(
         require_smooth(path, problem.system.order, f"path {i}")
     if start is not None:
         _require_system(problem, start)
-    return optimise(problem, intervals, start)
+    return optimise(problem, intervals, start, slowest)
 
 
 def pose(

@@ -67,7 +67,7 @@ class TrustRegion:
 
 
 UNBOUNDED, FIXED_PATH = TrustRegion(math.inf, math.inf, math.inf), TrustRegion(0.0, math.inf, math.inf)
-LARGE_REGION, SMALL_REGION = TrustRegion(0.1, 0.5, 0.5), TrustRegion(0.02, 0.1, 0.1)
+LARGE_REGION, SMALL_REGION = TrustRegion(0.1, 0.5, 0.5), TrustRegion(0.005, 0.03, 0.03)
 
 
 @dataclass(frozen=True, eq=False)

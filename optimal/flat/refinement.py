@@ -14,7 +14,9 @@ A finite time is reported only with a motion whose limits were verified.
 
 from __future__ import annotations
 
+import math
 import time
+from dataclasses import replace
 from heapq import heapify, heappush, heapreplace
 
 import numpy as np
@@ -31,7 +33,7 @@ from optimal.flat.trajectory import FlatTrajectory
 
 INTERVALS, REFINEMENT = 32, 2
 """Intervals of the first grid, and the factor by which a refined grid has more."""
-FINE_ENOUGH = 1.5e-3
+FINE_ENOUGH = 2.5e-3
 """Violation between checks, relative to the limit, up to which the first grid is not refined."""
 TIGHTENINGS, GAIN, MAX_MARGIN, SHRINKAGE = 10, 1.3, 0.4, 0.7
 """Most tightenings; margin added per violation; greatest margin; factor of the trust region at each tightening.
@@ -43,13 +45,16 @@ VALUE_CAP = 10.0
 """Limited quantities are capped at this multiple of their limit when intervals are compared."""
 
 
-def optimise(problem: PlanningProblem, intervals: int, start: Motion | None = None) -> FlatSolution:
+def optimise(
+    problem: PlanningProblem, intervals: int, start: Motion | None = None, slowest: float = math.inf
+) -> FlatSolution:
     """Solve a planning problem.
 
     Args:
         problem: the problem.
         intervals: intervals of the first grid, at least 4.
         start: a motion that is projected on the outer paths; None for the slow start.
+        slowest: duration on the first grid from which a motion is not refined [s].
 
     Raises:
         ValueError: for fewer than 4 intervals, and a start that leaves the corridor.
@@ -63,10 +68,14 @@ def optimise(problem: PlanningProblem, intervals: int, start: Motion | None = No
     else:
         near = projected(problem, start, np.linspace(0.0, 1.0, intervals + 1))
         iterate = solve_program(problem, near, trust_region=LARGE_REGION)
+    first = motion(problem, iterate)
     if not problem.certified:
-        return assessed(problem, iterate, motion(problem, iterate), begun)
+        return assessed(problem, iterate, first, begun, first.duration)
+    if first.duration >= slowest:
+        status = f"Not refined: {first.duration:.6g} s on the first grid, not less than slowest = {slowest:.6g} s."
+        return replace(assessed(problem, iterate, None, begun, first.duration), status=status)
     flight = None
-    if constraint_violation(motion(problem, iterate)) <= FINE_ENOUGH:
+    if constraint_violation(first) <= FINE_ENOUGH:
         iterate, flight = _certified(problem, iterate)
     for region in (LARGE_REGION, SMALL_REGION, SMALL_REGION):
         if flight is not None:
@@ -75,9 +84,9 @@ def optimise(problem: PlanningProblem, intervals: int, start: Motion | None = No
         if finer.outcome in USABLE:
             iterate, flight = _certified(problem, finer)
     if flight is not None:
-        return assessed(problem, iterate, flight, begun)
+        return assessed(problem, iterate, flight, begun, first.duration)
     flight = _along_central_path(problem, slow) if start is None else None
-    return assessed(problem, iterate, flight, begun, optimised=False)
+    return assessed(problem, iterate, flight, begun, first.duration, optimised=False)
 
 
 def _along_central_path(problem: PlanningProblem, slow: Iterate) -> FlatTrajectory | None:
@@ -131,7 +140,7 @@ def _certified(problem: PlanningProblem, iterate: Iterate) -> tuple[Iterate, Fla
             break
         flight = motion(problem, iterate)
         violations = interval_violations(flight)
-        feasible = slowed_to_limits(flight, MAX_SLOWDOWN)
+        feasible = slowed_to_limits(flight, MAX_SLOWDOWN) if violations.max() < MAX_SLOWDOWN - 1 else None
         best = min((f for f in (best, feasible) if f is not None), key=lambda f: f.duration, default=None)
         if feasible is not None and violations.max() <= SMALL_VIOLATION:
             break

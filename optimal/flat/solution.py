@@ -27,6 +27,7 @@ class FlatSolution:
         violation: largest violation of a limit in continuous time, relative to its scale; inf without a
             trajectory.
         intervals: number of grid intervals.
+        first_time: duration on the first grid, where limits may be violated between checks [s].
     """
 
     time: float
@@ -38,10 +39,16 @@ class FlatSolution:
     trajectory: FlatTrajectory | None
     violation: float
     intervals: int
+    first_time: float
 
 
 def assessed(
-    problem: PlanningProblem, iterate: Iterate, flight: FlatTrajectory | None, begun: float, optimised: bool = True
+    problem: PlanningProblem,
+    iterate: Iterate,
+    flight: FlatTrajectory | None,
+    begun: float,
+    first_time: float,
+    optimised: bool = True,
 ) -> FlatSolution:
     """Return the solution of a finished solve. Its time is finite only for a motion that passed the checks.
 
@@ -50,6 +57,7 @@ def assessed(
         iterate: the last iterate.
         flight: the motion within the limits; None if none was found.
         begun: start of the solve, from `time.perf_counter` [s].
+        first_time: duration on the first grid [s].
         optimised: whether the motion is the optimiser's.
     """
     size = len(iterate.nodes) - 1
@@ -81,4 +89,5 @@ def assessed(
         trajectory=flight,
         violation=math.inf if flight is None else constraint_violation(flight),
         intervals=size,
+        first_time=first_time,
     )

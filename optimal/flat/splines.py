@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, make_lsq_spline
 
 from flatgym.quadrotor import Array
 
@@ -71,8 +71,11 @@ class SplineSpace:
             order: order of the derivative.
         """
         inside = np.clip(s, self.nodes[interval], np.nextafter(self.nodes[interval + 1], -1.0))
-        every = BSpline(self.knots, np.eye(self.size), self.degree)(inside, nu=order)
-        return np.asarray(every[np.arange(len(s))[:, None], self.local(interval)])
+        # The active functions of an interval are neighbours, so each remainder of their index occurs once.
+        active = self.degree + 1
+        remainders = np.eye(active)[np.arange(self.size) % active]
+        values = self.spline(remainders)(inside, nu=order)
+        return np.asarray(np.take_along_axis(values, self.local(interval) % active, axis=1))
 
     def fitted(self, spline: BSpline) -> Array:
         """Return the coefficients of the least-squares fit to a spline. The fit is exact on nested grids."""
@@ -82,5 +85,6 @@ class SplineSpace:
 
     def nearest(self, s: Array, values: Array) -> Array:
         """Return the coefficients of the least-squares fit to values (n, ...) at path coordinates (n,)."""
-        matrix = BSpline.design_matrix(s, self.knots, self.degree).toarray()
-        return np.asarray(np.linalg.lstsq(matrix, values, rcond=None)[0])
+        if not values.size:  # the weights of a single path, which SciPy does not accept
+            return np.zeros((self.size, *values.shape[1:]))
+        return np.asarray(make_lsq_spline(s, values, self.knots, self.degree, method="qr").c)

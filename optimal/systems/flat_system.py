@@ -127,6 +127,8 @@ class Lift:
         low, high: their least and greatest values.
         rest: their values when the system is at rest; NaN for any value.
         guess: their initial guess.
+        limited: the unknown that each of the first limited quantities is, in the order of `FlatSystem.bounds`. Their
+            limits are bounds of these unknowns.
     """
 
     names: tuple[str, ...] = ()
@@ -134,6 +136,7 @@ class Lift:
     high: tuple[float, ...] = ()
     rest: tuple[float, ...] = ()
     guess: tuple[float, ...] = ()
+    limited: tuple[int, ...] = ()
 
     def __init__(self, system: FlatSystem) -> None:
         self.system = system
@@ -143,7 +146,7 @@ class Lift:
         return ca.SX(0, 1)
 
     def limited_quantities(self, jet: Jet, lifted: Symbol) -> Symbol:  # noqa: ARG002
-        """Return the limited quantities of the system, in the order and the scale of `FlatSystem.bounds`."""
+        """Return the limited quantities that are not unknowns, in the order and the scale of `FlatSystem.bounds`."""
         which, scale, _, _ = self.system.bounds
         return ca.vertcat(*self.system.symbolic_inverse(*jet))[which.tolist()] / scale
 
@@ -151,8 +154,8 @@ class Lift:
         """Return the unknowns along a motion, from its numeric jets at n increasing instants, shape (n, unknowns)."""
         return np.zeros((len(jet[0]), 0))
 
-    def least_turning_time(self, before: Symbol, after: Symbol) -> Symbol:  # noqa: ARG002
-        """Return the least times [s] in which the unknowns can change between two neighbouring checks."""
+    def turning_time(self, before: Symbol, after: Symbol) -> Symbol:  # noqa: ARG002
+        """Return the least times [s] in which the unknowns change between two neighbouring checks, of either sign."""
         return ca.SX(0, 1)
 
 

@@ -107,6 +107,7 @@ class Attitude(Lift):
     """Yaw, pitch, roll and thrust as lifted unknowns of a program."""
 
     names = ("yaw", "pitch", "roll", "thrust")
+    limited = (3,)
 
     def __init__(self, system: FullQuadrotor) -> None:
         super().__init__(system)
@@ -122,12 +123,11 @@ class Attitude(Lift):
         return ca.vertcat(jet[0][3] - lifted[0], missing / self.quadrotor.gravity)
 
     def limited_quantities(self, jet: Jet, lifted: Symbol) -> Symbol:
-        """Return thrust and body rates divided by their limits, from the jerk f' n + f (q x_body - p y_body)."""
+        """Return the body rates divided by their limit, from the jerk f' n + f (q x_body - p y_body)."""
         pitch, roll, thrust = lifted[1], lifted[2], lifted[3]
         across = self._attitude(lifted).T @ jet[3][:3] / thrust
         yaw_rate = (jet[1][3] * ca.cos(pitch) - across[0] * ca.sin(roll)) / ca.cos(roll)
-        rates = ca.vertcat(-across[1], across[0], yaw_rate) / self.quadrotor.rate_max
-        return ca.vertcat(thrust / self.quadrotor.thrust_max, rates)
+        return ca.vertcat(-across[1], across[0], yaw_rate) / self.quadrotor.rate_max
 
     def values(self, jet: Sequence[Array]) -> Array:
         """Return yaw, pitch, roll and thrust along a motion."""
@@ -138,7 +138,7 @@ class Attitude(Lift):
         pitch = np.unwrap(np.arctan2(ahead, force[:, 2] / thrust))
         return np.stack([yaw, pitch, -np.arcsin(np.clip(left, -1, 1)), thrust], axis=-1)
 
-    def least_turning_time(self, before: Symbol, after: Symbol) -> Symbol:
+    def turning_time(self, before: Symbol, after: Symbol) -> Symbol:
         """Return the least time in which two body rates turn the thrust direction by the chord."""
         chord = self._attitude(after)[:, 2] - self._attitude(before)[:, 2]
         return ca.sqrt(ca.sumsqr(chord) + CHORD_SMOOTHING) / (np.sqrt(2) * self.quadrotor.rate_max)

@@ -6,10 +6,10 @@
 Misprint corrected: the paper prints the numerator as x'' (z'' + g) - x'' z''.
 
 In a program, tilt and thrust are lifted unknowns, coupled to the jet by x'' = f sin(theta) and z'' + g = f cos(theta).
-Every limit is then a simple bound. The lift also keeps the feasible set connected. Admissible thrust vectors form a
-ring, 1 <= f <= 20. Between two checks the vector could cross the hole of the ring, turning by half a turn in no time.
-A constraint therefore limits the turn of the tilt between two checks to rate_max times the elapsed time, which every
-flight satisfies.
+The limits of the thrust are then simple bounds. The lift also keeps the feasible set connected. Admissible thrust
+vectors form a ring, 1 <= f <= 20. Between two checks the vector could cross the hole of the ring, turning by half a
+turn in no time. A constraint therefore limits the turn of the tilt between two checks to rate_max times the elapsed
+time, which every flight satisfies.
 """
 
 from __future__ import annotations
@@ -84,6 +84,7 @@ class TiltAndThrust(Lift):
     """Tilt and thrust as lifted unknowns of a program."""
 
     names = ("tilt", "thrust")
+    limited = (1,)
 
     def __init__(self, system: PlanarQuadrotor) -> None:
         super().__init__(system)
@@ -98,17 +99,15 @@ class TiltAndThrust(Lift):
         return missing / q.gravity
 
     def limited_quantities(self, jet: Jet, lifted: Symbol) -> Symbol:
-        """Return thrust and rate divided by their limits. The rate is the jerk across the thrust over the thrust."""
+        """Return the rate divided by its limit. It is the jerk across the thrust over the thrust."""
         tilt, thrust, q = lifted[0], lifted[1], self.quadrotor
-        rate = (jet[3][0] * ca.cos(tilt) - jet[3][1] * ca.sin(tilt)) / thrust
-        return ca.vertcat(thrust / q.thrust_max, rate / q.rate_max)
+        return (jet[3][0] * ca.cos(tilt) - jet[3][1] * ca.sin(tilt)) / thrust / q.rate_max
 
     def values(self, jet: Sequence[Array]) -> Array:
         """Return tilt and thrust along a motion; the tilt does not jump."""
         side, up = jet[2][:, 0], jet[2][:, 1] + self.quadrotor.gravity
         return np.stack([np.unwrap(np.arctan2(side, up)), np.hypot(side, up)], axis=-1)
 
-    def least_turning_time(self, before: Symbol, after: Symbol) -> Symbol:
-        """Return the least time of the turn of the tilt, with both signs."""
-        turn = (after[0] - before[0]) / self.quadrotor.rate_max
-        return ca.vertcat(turn, -turn)
+    def turning_time(self, before: Symbol, after: Symbol) -> Symbol:
+        """Return the least time of the turn of the tilt, with the sign of the turn."""
+        return (after[0] - before[0]) / self.quadrotor.rate_max

@@ -92,21 +92,38 @@ def program_bounds(problem: PlanningProblem, start: Iterate, margins: Array) -> 
     turns = np.rint((start.lifted[-1, rest] - upright) / (2 * math.pi))
     lifted_low[0, rest] = lifted_high[0, rest] = upright
     lifted_low[-1, rest] = lifted_high[-1, rest] = upright + 2 * math.pi * turns
-    _, _, least, greatest = system.bounds
+    _, scale, least, greatest = system.bounds
     per_check = np.repeat(margins.transpose(2, 0, 1), points.shape[1], axis=0)
     if not problem.certified:
         per_check = np.zeros((shared, *margins.shape[:2]))
+    own, bounded = len(lift.limited), list(lift.limited)
+    at_shared = _at_shared(per_check[:, :, :own], points.shape[1]) if problem.certified else per_check[:, :, :own]
+    lifted_low[:, bounded] = scale[:own] * (least[:own] + at_shared[:, 1])
+    lifted_high[:, bounded] = scale[:own] * (greatest[:own] - at_shared[:, 0])
     sums = [weight_space.size] if paths > 2 else []
     coupling = np.zeros(shared * check_functions(system, paths, problem.certified)[0].size1_out(0))
     turning_size = check_functions(system, paths, True)[2].size1_out(0)
-    turns = np.zeros((shared - 1) * turning_size if problem.certified else 0)
+    turns = np.ones((shared - 1) * turning_size if problem.certified else 0)
     speeds = speed_space.size
     return {
         "lbx": np.concatenate([low.ravel(), np.full(speeds, LEAST_SQUARED_SPEED), lifted_low.ravel()]),
         "ubx": np.concatenate([high.ravel(), np.full(speeds, np.inf), lifted_high.ravel()]),
-        "lbg": np.concatenate([np.zeros(sum(sums)), coupling, (least + per_check[:, 1]).ravel(), turns - np.inf]),
-        "ubg": np.concatenate([np.ones(sum(sums)), coupling, (greatest - per_check[:, 0]).ravel(), turns]),
+        "lbg": np.concatenate([np.zeros(sum(sums)), coupling, (least + per_check[:, 1])[:, own:].ravel(), -turns]),
+        "ubg": np.concatenate([np.ones(sum(sums)), coupling, (greatest - per_check[:, 0])[:, own:].ravel(), turns]),
     }
+
+
+def _at_shared(per_check: Array, per: int) -> Array:
+    """Return values at the checks of all intervals, with the greater of both where two intervals share a check.
+
+    Args:
+        per_check: shape (intervals * per, ...).
+        per: checks of an interval.
+    """
+    last = np.arange(per - 1, len(per_check), per)
+    once = np.delete(per_check, last[:-1], axis=0)
+    once[per - 1 : -1 : per - 1] = np.maximum(per_check[last[:-1]], per_check[last[:-1] + 1])
+    return once
 
 
 def apply_trust_region(

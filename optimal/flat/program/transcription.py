@@ -48,7 +48,7 @@ OPTIONS: dict[str, Any] = {
 
 @lru_cache(maxsize=16)
 def check_functions(system: FlatSystem, paths: int, certified: bool) -> tuple[Any, Any, Any]:
-    """Return CasADi functions of one check: coupling residuals, limited quantities, and least turning times."""
+    """Return CasADi functions of one check: coupling residuals, limited quantities, and turning times."""
     order, outputs, lift = system.order, len(system.outputs), system.lift()
     weight_size, speed_size = local_sizes(system, certified)
     coefficients = ca.SX.sym("c", (paths - 1) * weight_size)
@@ -64,7 +64,7 @@ def check_functions(system: FlatSystem, paths: int, certified: bool) -> tuple[An
     return (
         ca.Function("coupling", inputs, [lift.coupling(jet[:-1], lifted)]),
         ca.Function("limited", inputs, [lift.limited_quantities(jet, lifted)]),
-        ca.Function("turning", [lifted, after, speeds, speed_basis], [lift.least_turning_time(lifted, after), b[0]]),
+        ca.Function("turning", [lifted, after, speeds, speed_basis], [lift.turning_time(lifted, after), b[0]]),
     )
 
 
@@ -139,7 +139,7 @@ def _mean_slowness(speeds: Any, space: SplineSpace, times: Any, intervals: int) 
 
 
 def _turning(turning: Any, lifted: Any, speeds: Any, basis: Any, widths: Any, intervals: int, per: int) -> Any:
-    """Return the least turning times between neighbouring checks minus the elapsed times."""
+    """Return the least turning times between neighbouring checks, divided by the elapsed times."""
     count, begin = per * intervals, [i for i in range(per * intervals) if i % per < per - 1]
     end = [i + 1 for i in begin]
     every = lifted.shape[1]
@@ -151,4 +151,4 @@ def _turning(turning: Any, lifted: Any, speeds: Any, basis: Any, widths: Any, in
     )
     gap = ca.reshape(ca.repmat(widths.T / (per - 1), per - 1, 1), 1, len(begin))
     elapsed = 2 * gap / (ca.sqrt(b) + ca.sqrt(after))
-    return ca.vec(least - ca.repmat(elapsed, least.shape[0], 1))
+    return ca.vec(least / ca.repmat(elapsed, least.shape[0], 1))

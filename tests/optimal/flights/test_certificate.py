@@ -90,8 +90,8 @@ def test_hoops_missed_or_passed_backwards_are_detected():
 def test_a_crossing_between_two_arcs_of_the_replay_is_found(generator):
     # By rounding, one arc may end before the line of the hoop, and the next one begin on it.
     flight = solve_winding(SCENARIOS["diagonal"]).trajectory
-    _, states, arcs = converged_replay(flight, SCENARIOS["diagonal"])
-    ends = np.append(0.0, np.cumsum(arcs.dt))
+    _, _, arcs = converged_replay(flight, SCENARIOS["diagonal"])
+    states, ends = arcs.state, np.append(0.0, np.cumsum(arcs.dt))
     for k in range(5, len(arcs) - 5):
         ahead = math.atan2(states[k, 3], states[k, 2])
         for angle in ahead + generator.uniform(-0.5, 0.5, size=4):
