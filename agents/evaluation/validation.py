@@ -33,6 +33,12 @@ Point = dict[str, Any]
 """A point of a learning curve: env_steps, wall_time_s, outcome, success_rate, steps, hoops_passed, way_left."""
 
 
+def validation_scenarios(problem: ProblemLike, episodes: int, seed: int = VALIDATION_SEED) -> list[Scenario]:
+    """Return the scenarios of the validation episodes: one for a scenario, which is deterministic."""
+    chosen = catalogue.problem(problem)
+    return [chosen] if isinstance(chosen, Scenario) else [chosen.scenario(seed + i) for i in range(episodes)]
+
+
 class Validation:
     """Rolls out a policy when asked and appends a point to its learning curve.
 
@@ -56,10 +62,7 @@ class Validation:
         curve: list[Point] | None = None,
     ) -> None:
         self.problem, self.seed, self.target = catalogue.problem(problem), seed, target
-        if isinstance(self.problem, Scenario):
-            self._scenarios = [self.problem]  # one flight: a scenario is deterministic
-        else:
-            self._scenarios = [self.problem.scenario(seed + i) for i in range(episodes)]
+        self._scenarios = validation_scenarios(problem, episodes, seed)
         self.episodes = len(self._scenarios)
         self.curve: list[Point] = [] if curve is None else curve
 

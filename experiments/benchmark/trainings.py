@@ -16,13 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from agents.evaluation.validation import VALIDATION_SEED, best_of
+from agents.evaluation.validation import best_of, validation_scenarios
 from agents.training.configs import Config, from_json
 from experiments.files import REPOSITORY_RESULTS, Row, cache_folder, published, read_json, write_json
 from experiments.provenance import provenance
 from flatgym import SCENARIOS, reference
 from flatgym.scenarios import catalogue
-from flatgym.scenarios.scenario import Scenario
 from optimal.batch import fewest_steps_many
 
 FILE = "trainings.json"
@@ -66,11 +65,9 @@ def changed(config: Config) -> Row:
 
 def validation_k_star(config: Config) -> float:
     """Return K* of a scenario, or its mean over the validation episodes of a distribution."""
-    problem = catalogue.problem(config.scenario)
-    if isinstance(problem, Scenario):
-        known = reference(problem)
-        return float(known.k_star if known else fewest_steps_many([problem], jobs=1, progress=False)[0].steps)
-    scenarios = [problem.scenario(VALIDATION_SEED + i) for i in range(config.n_eval_episodes)]
+    scenarios = validation_scenarios(config.scenario, config.n_eval_episodes)
+    if len(scenarios) == 1 and (known := reference(scenarios[0])):
+        return float(known.k_star)
     flights = fewest_steps_many(scenarios, jobs=1, store=cache_folder() / "validation", progress=False)
     return float(np.mean([flight.steps for flight in flights]))
 

@@ -9,7 +9,6 @@ derivative by c^k.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +22,8 @@ LOCAL_SAMPLES = 8
 """Points on either side of the largest sampled violation at which it is evaluated again."""
 SPEED_UP = 1.02
 """Factor of one speed-up step."""
+LEAST_RATE = 0.1
+"""Least decrease of a violation per relative slow-down that is extrapolated."""
 
 
 def interval_violations(flight: FlatTrajectory) -> Array:
@@ -75,8 +76,8 @@ def slowed_to_limits(flight: FlatTrajectory, max_factor: float) -> FlatTrajector
     Returns:
         The scaled motion; None where `max_factor` does not suffice.
     """
-    s, factor, before = flight.interval_points(2 * SAMPLES), 1.0, math.inf
-    jet = flight.jet(s)
+    jet = flight.jet(flight.interval_points(2 * SAMPLES))
+    factor, step, rate, before = 1.0, 0.0, 1.0, 0.0
     while factor <= max_factor:
         slower = replace(flight, squared_speed=_scaled(flight.squared_speed, factor**-2))
         sampled = float(_violations(flight.system, [y / factor**k for k, y in enumerate(jet)]).max(initial=0.0))
@@ -85,8 +86,10 @@ def slowed_to_limits(flight: FlatTrajectory, max_factor: float) -> FlatTrajector
             return slower
         if 0 < before <= sampled:  # a limit that a slower motion does not keep better
             return None
-        before = sampled
-        factor *= 1 + 1.01 * violation + 1e-9
+        if 0 < violation < before:  # gravity does not fall with the speed, so that the thrust falls less
+            rate = min(max((before - violation) / step, LEAST_RATE), 1.0)
+        before, step = violation, 1.01 * violation / rate + 1e-9
+        factor *= 1 + step
     return None
 
 

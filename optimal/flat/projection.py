@@ -102,13 +102,13 @@ def _times(problem: PlanningProblem, flight: Motion, s: Array, outer: Array) -> 
     beside /= np.maximum(length, 1e-12)[:, None]
     grid = np.linspace(0.0, duration, TIMES)
     positions = flight(grid)
-    middle = outer.mean(axis=1)
+    middle, inverses = outer.mean(axis=1), _hull_inverses(outer)
     times, latest = np.zeros(len(s)), 0
     for i in np.flatnonzero(clear[:-1]):
         reached = (positions[latest:] - middle[i]) @ beside[i]
         crossings = np.flatnonzero((reached[:-1] < 0) != (reached[1:] < 0))
         if crossings.size:
-            weights = _hull_weights(positions[latest + crossings], outer[i])
+            weights = _affine_weights(positions[latest + crossings] - outer[i, -1], inverses[i])
             latest += int(crossings[np.argmax(weights.min(axis=1) >= -MARGIN)])  # the first one inside, or the first
         times[i] = grid[latest]
     times[-1] = duration
@@ -152,6 +152,19 @@ def _hull_weights(points: Array, outer: Array) -> Array:
         points: shape (n, outputs).
         outer: shape (n, k, outputs), or (k, outputs) for all points.
     """
-    inverse = np.linalg.pinv(np.swapaxes(outer[..., :-1, :] - outer[..., -1:, :], -1, -2))
-    first = np.einsum("...ki,...i->...k", inverse, points - outer[..., -1, :])
+    return _affine_weights(points - outer[..., -1, :], _hull_inverses(outer))
+
+
+def _hull_inverses(outer: Array) -> Array:
+    """Return the pseudoinverses that give the first weights of a point, from its place relative to the last outer one.
+
+    Args:
+        outer: shape (..., k, outputs).
+    """
+    return np.asarray(np.linalg.pinv(np.swapaxes(outer[..., :-1, :] - outer[..., -1:, :], -1, -2)))
+
+
+def _affine_weights(apart: Array, inverses: Array) -> Array:
+    """Return the weights, with sum 1, of places (..., outputs) relative to the last outer point, shape (..., k)."""
+    first = np.einsum("...ki,...i->...k", inverses, apart)
     return np.concatenate([first, 1 - first.sum(axis=-1, keepdims=True)], axis=-1)
