@@ -82,6 +82,7 @@ def test_batched_jets_equal_single_jets(system: FlatSystem, generator: np.random
     np.testing.assert_array_equal(states[1, 2], one_state)
     np.testing.assert_array_equal(inputs[1, 2], one_input)
     assert system.limited_values(batch).shape == (2, 3, len(system.bounds[0]))
+    np.testing.assert_allclose(system.limited_values(batch), FlatSystem.limited_values(system, batch), rtol=1e-12)
 
 
 @pytest.mark.parametrize("system", SYSTEMS, ids=IDS)
