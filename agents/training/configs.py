@@ -117,6 +117,8 @@ class PPOConfig(Config):
     """Share of the initial target at the end of the training."""
     gae_lambda: Share = 0.95
     """Lambda of generalised advantage estimation."""
+    ent_coef: NonNegative = 0.0
+    """Weight of the entropy in the loss; advantages are normalised."""
     value_warmup: Natural = 10
     """Initial rollouts that train the critic only, to preserve the policy to start from; without one, none."""
 

@@ -101,7 +101,8 @@ def starting_policy(config: Config) -> BaseAlgorithm | None:
 def _own_arguments(config: Config) -> dict[str, Any]:
     """Return the arguments specific to the algorithm."""
     if isinstance(config, PPOConfig):
-        return {"n_steps": config.n_steps, "n_epochs": config.n_epochs, "gae_lambda": config.gae_lambda}
+        same = ("n_steps", "n_epochs", "gae_lambda", "ent_coef")
+        return {name: getattr(config, name) for name in same}
     assert isinstance(config, OffPolicyConfig)
     arguments: dict[str, Any] = {
         "buffer_size": config.buffer_size,
