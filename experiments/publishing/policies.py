@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -10,18 +11,17 @@ from agents.imitation.dataset_aggregation import DaggerConfig
 from experiments.benchmark.formats import format_count
 from experiments.files import Row, plain
 from experiments.formats import format_percent, percent
-from experiments.publishing.markdown import markdown
+from experiments.publishing.markdown import markdown, paragraph
 from experiments.recipes.pretraining import DISTRIBUTION_CONFIGS, STAGES
 
 HEAD = ["policy", "algorithm", "success", "steps", "K*", "gap to K*", "env steps", "training time [s]", "size [kB]"]
 
 
 def pretrained(folder: Path) -> str:
-    """Return the table of the policies in a folder, and the command of each."""
+    """Return the table of the policies in a folder, and the commands that train them."""
     cards = [(path.stem, json.loads(path.read_text(encoding="utf-8"))) for path in sorted(folder.glob("*.json"))]
     rows = [[f"`{name}`", *score_cells(card), kilobytes(folder / f"{name}.zip")] for name, card in cards]
-    commands = [command_item(name, card) for name, card in cards]
-    return "\n\n".join([markdown(HEAD, rows), "The commands that train them:", "\n".join(commands)])
+    return "\n\n".join([markdown(HEAD, rows), commands(cards)])
 
 
 def score_cells(card: Row) -> list[str]:
@@ -38,12 +38,16 @@ def score_cells(card: Row) -> list[str]:
     ]
 
 
-def command_item(name: str, card: Row) -> str:
-    """Return the command of a policy as a list item, with the commit of its recipe if the recipe has changed since."""
-    item = f"- `{name}`: `{card['command']}`"
-    if card.get("commit") and not same_recipe(card, current_configs(name, card)):
-        item += f", with the recipe of commit {card['commit'][:7]}; today's recipe differs"
-    return item
+def commands(cards: Sequence[tuple[str, Row]]) -> str:
+    """Return the commands that train policies, and the commit of a recipe that has changed since."""
+    seeds = {card["seed"] for _, card in cards}
+    each = " or ".join(f"`flatquad pretrain NAME --seed {seed}`" for seed in sorted(seeds))
+    older = [
+        f"`{name}` has the recipe of commit {card['commit'][:7]}; today's recipe differs."
+        for name, card in cards
+        if card.get("commit") and not same_recipe(card, current_configs(name, card))
+    ]
+    return paragraph(" ".join([f"{each} trains each of them.", *older]))
 
 
 def same_recipe(card: Row, today: list[Row]) -> bool:
