@@ -168,7 +168,9 @@ def test_pretrained_policies_are_listed_with_score_and_command(tmp_path):
     text = pretrained(tmp_path)
     assert lines(text) == [["`hoop`", "DAgger", "100 %", "70", "70", "+0.0 %", "13.0 k", "26", "123"]]
     command = "`flatquad pretrain NAME --seed 3` trains each of them."
-    assert text.endswith(f"{command} `hoop` has the recipe of commit 0123456; today's recipe differs.")
+    assert " ".join(text.split()).endswith(
+        f"{command} `hoop` has the recipe of commit 0123456; today's recipe differs."
+    )
     (tmp_path / "hoop.json").write_text(json.dumps(card | {"configs": current_configs("hoop", card)}))
     assert pretrained(tmp_path).endswith(command)
     earlier = [
