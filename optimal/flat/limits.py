@@ -22,8 +22,9 @@ LOCAL_SAMPLES = 8
 """Points on either side of the largest sampled violation at which it is evaluated again."""
 SPEED_UP = 1.02
 """Factor of one speed-up step."""
-LEAST_RATE = 0.1
-"""Least decrease of a violation per relative slow-down that is extrapolated."""
+LEAST_RATE, MOST_RATE = 0.1, 3.0
+"""Least and greatest decrease of a violation per relative slow-down. Where gravity is small beside the acceleration a
+thrust falls twice as fast as the speed."""
 
 
 def interval_violations(flight: FlatTrajectory) -> Array:
@@ -77,7 +78,7 @@ def slowed_to_limits(flight: FlatTrajectory, max_factor: float) -> FlatTrajector
         The scaled motion; None where `max_factor` does not suffice.
     """
     jet = flight.jet(flight.interval_points(2 * SAMPLES))
-    factor, step, rate, before = 1.0, 0.0, 1.0, 0.0
+    factor, step, rate, before = 1.0, 0.0, MOST_RATE, 0.0
     while factor <= max_factor:
         slower = replace(flight, squared_speed=_scaled(flight.squared_speed, factor**-2))
         sampled = float(_violations(flight.system, [y / factor**k for k, y in enumerate(jet)]).max(initial=0.0))
@@ -86,8 +87,8 @@ def slowed_to_limits(flight: FlatTrajectory, max_factor: float) -> FlatTrajector
             return slower
         if 0 < before <= sampled:  # a limit that a slower motion does not keep better
             return None
-        if 0 < violation < before:  # gravity does not fall with the speed, so that the thrust falls less
-            rate = min(max((before - violation) / step, LEAST_RATE), 1.0)
+        if 0 < violation < before:
+            rate = min(max((before - violation) / step, LEAST_RATE), MOST_RATE)
         before, step = violation, 1.01 * violation / rate + 1e-9
         factor *= 1 + step
     return None

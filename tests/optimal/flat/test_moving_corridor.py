@@ -16,10 +16,11 @@ from flatgym.scenarios.reference import reference
 from optimal.direct.shooting import WINDINGS, solve_coarse, solve_winding
 from optimal.flat import moving_corridor
 from optimal.flat.initial_guess import motion, slow_start
+from optimal.flat.limits import _scaled, constraint_violation, slowed_to_limits
 from optimal.flat.moving_corridor import AT_HOOPS, confined, follow_flight
 from optimal.flat.planning import pose
 from optimal.flat.projection import OutsideCorridorError
-from optimal.flat.search import search
+from optimal.flat.search import ALIKE, search, starting_flights
 from optimal.flights.certificate import certify
 from optimal.paths.around import WIDTH, corridor_around
 from optimal.paths.corridors import paper_corridor
@@ -107,3 +108,33 @@ def test_the_width_of_the_corridors_can_be_chosen(monkeypatch):
     for width in (WIDTH, WIDTH / 2):
         next(follow_flight(task, start, width=width))
     assert widths == [WIDTH, WIDTH / 2]
+
+
+def test_a_start_that_is_not_faster_on_the_first_grid_is_not_refined():
+    task = SCENARIOS["horizontal-3"]
+    start = solve_coarse(task, 0)
+    first = next(follow_flight(task, start.trajectory)).solution
+    assert first.first_time < first.time * (1 + NEAR)
+    assert not list(follow_flight(task, start.trajectory, slowest=first.first_time))
+    again = next(follow_flight(task, start.trajectory, slowest=first.first_time * (1 + 1e-9))).solution
+    assert again.time == first.time
+
+
+def test_mirror_images_are_one_start():
+    climb = SCENARIOS["climb"]
+    left, right = (solve_coarse(climb, winding) for winding in (-1, 1))
+    assert left.trajectory.duration == pytest.approx(right.trajectory.duration, rel=ALIKE)
+    assert len(starting_flights(climb, (-1, 1))) == 1
+    assert len(starting_flights(replace(climb, goal=(0.01, 5.0)), (-1, 1))) == 2
+
+
+def test_a_slow_down_keeps_limits_and_is_the_smallest():
+    task = SCENARIOS["horizontal-3"]
+    flight = next(follow_flight(task, solve_coarse(task, 0).trajectory)).solution.trajectory
+    for faster in (1.0005, 1.004):
+        fast = replace(flight, squared_speed=_scaled(flight.squared_speed, faster**2))
+        assert constraint_violation(fast) > 0
+        slowed = slowed_to_limits(fast, 1.03)
+        assert constraint_violation(slowed) == 0
+        assert flight.duration * (1 - 1e-3) <= slowed.duration <= flight.duration * (1 + 1e-5)
+    assert slowed_to_limits(replace(flight, squared_speed=_scaled(flight.squared_speed, 2.0)), 1.03) is None
