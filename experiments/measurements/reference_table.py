@@ -25,8 +25,8 @@ from flatgym.scenarios.reference import EVALUATION_SEED, SCHEMA
 SAMPLED = {"random-goal": 1000, "random-hoops": 300, "random-track": 100}
 """Number of scenarios of each distribution in the table."""
 PROOF_TIME = 60.0
-"""Time budget for the proof of each K* [s]. A scenario of random-goal takes about 0.3 s, of random-hoops about 6 s; some
-need more than 10 s."""
+"""Time budget for the proof of each K* [s]. A scenario of random-goal takes about 0.3 s, of random-hoops about 6 s, and
+some need more than 10 s."""
 
 
 def named_row(name: str) -> dict[str, Any]:
