@@ -62,7 +62,7 @@ class Validation:
         curve: list[Point] | None = None,
     ) -> None:
         self.problem, self.seed, self.target = catalogue.problem(problem), seed, target
-        self._scenarios = validation_scenarios(problem, episodes, seed)
+        self._scenarios = validation_scenarios(self.problem, episodes, seed)
         self.episodes = len(self._scenarios)
         self.curve: list[Point] = [] if curve is None else curve
 

@@ -67,6 +67,12 @@ def proven_violation(flight: FlatTrajectory) -> float:
     return max(0.0, float((np.maximum(q.control_low - bounds[0], bounds[1] - q.control_high) / q.control_high).max()))
 
 
+def scaled(flight: FlatTrajectory, factor: float) -> FlatTrajectory:
+    """Return the motion along the same path that takes `factor` times as long."""
+    b = flight.squared_speed
+    return replace(flight, squared_speed=BSpline(b.t, b.c * factor**-2, b.k))
+
+
 def slowed_to_limits(flight: FlatTrajectory, max_factor: float) -> FlatTrajectory | None:
     """Return the fastest uniform slow-down of a motion that keeps all limits.
 
@@ -80,14 +86,14 @@ def slowed_to_limits(flight: FlatTrajectory, max_factor: float) -> FlatTrajector
     jet = flight.jet(flight.interval_points(2 * SAMPLES))
     factor, step, rate, before = 1.0, 0.0, MOST_RATE, 0.0
     while factor <= max_factor:
-        slower = replace(flight, squared_speed=_scaled(flight.squared_speed, factor**-2))
+        slower = scaled(flight, factor)
         sampled = float(_violations(flight.system, [y / factor**k for k, y in enumerate(jet)]).max(initial=0.0))
         violation = sampled or constraint_violation(slower) or proven_violation(slower)
         if violation == 0:
             return slower
         if 0 < before <= sampled:  # a limit that a slower motion does not keep better
             return None
-        if 0 < violation < before:
+        if violation < before:
             rate = min(max((before - violation) / step, LEAST_RATE), MOST_RATE)
         before, step = violation, 1.01 * violation / rate + 1e-9
         factor *= 1 + step
@@ -98,7 +104,7 @@ def sped_up_to_limits(flight: FlatTrajectory) -> FlatTrajectory | None:
     """Return the motion sped up in steps of SPEED_UP until a limit is active; None if it violates one already."""
     feasible, faster = None, flight
     while constraint_violation(faster) == 0:
-        feasible, faster = faster, replace(faster, squared_speed=_scaled(faster.squared_speed, SPEED_UP**2))
+        feasible, faster = faster, scaled(faster, 1 / SPEED_UP)
     return feasible and slowed_to_limits(feasible, SPEED_UP)
 
 
@@ -108,8 +114,3 @@ def _violations(system: FlatSystem, jet: list[Array]) -> Array:
     # The rate is undefined where the thrust vanishes.
     values = np.nan_to_num(system.limited_values(jet), nan=np.inf)
     return np.moveaxis(np.stack([values - high, low - values]), -1, 1)
-
-
-def _scaled(spline: BSpline, factor: float) -> BSpline:
-    """Return a spline times a factor."""
-    return BSpline(spline.t, spline.c * factor, spline.k)

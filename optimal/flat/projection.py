@@ -70,8 +70,9 @@ def projected(problem: PlanningProblem, flight: Motion, nodes: Array) -> Iterate
     share = np.arange(POINTS) / POINTS
     s = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * share).ravel(), nodes[-1])
     outer = np.stack([path(s) for path in problem.outer_paths], axis=1)
-    times = _times(problem, flight, s, outer)
-    weights = _weights(flight(times), outer, s)
+    inverses = _hull_inverses(outer)
+    times = _times(problem, flight, s, outer, inverses)
+    weights = _weights(flight(times), outer, inverses, s)
     slowness = make_interp_spline(s, times, k=5).derivative()(s)
     slowness = np.clip(slowness, 0.1 * flight.duration, 10 * flight.duration)
     weight_space, speed_space = spaces(problem.system, nodes, problem.certified)
@@ -87,7 +88,7 @@ def projected(problem: PlanningProblem, flight: Motion, nodes: Array) -> Iterate
     return Iterate(nodes, coefficients, speed, np.clip(lifted, lift.low, lift.high))
 
 
-def _times(problem: PlanningProblem, flight: Motion, s: Array, outer: Array) -> Array:
+def _times(problem: PlanningProblem, flight: Motion, s: Array, outer: Array, inverses: Array) -> Array:
     """Return the increasing times at which a flight crosses the hull of the outer paths at path coordinates, (n,)."""
     duration = flight.duration
     ahead = motion(problem, central(problem, 4)).path(s, 1)
@@ -102,13 +103,13 @@ def _times(problem: PlanningProblem, flight: Motion, s: Array, outer: Array) -> 
     beside /= np.maximum(length, 1e-12)[:, None]
     grid = np.linspace(0.0, duration, TIMES)
     positions = flight(grid)
-    middle, inverses = outer.mean(axis=1), _hull_inverses(outer)
+    middle = outer.mean(axis=1)
     times, latest = np.zeros(len(s)), 0
     for i in np.flatnonzero(clear[:-1]):
         reached = (positions[latest:] - middle[i]) @ beside[i]
         crossings = np.flatnonzero((reached[:-1] < 0) != (reached[1:] < 0))
         if crossings.size:
-            weights = _affine_weights(positions[latest + crossings] - outer[i, -1], inverses[i])
+            weights = _hull_weights(positions[latest + crossings], outer[i, -1], inverses[i])
             latest += int(crossings[np.argmax(weights.min(axis=1) >= -MARGIN)])  # the first one inside, or the first
         times[i] = grid[latest]
     times[-1] = duration
@@ -125,14 +126,14 @@ def _times(problem: PlanningProblem, flight: Motion, s: Array, outer: Array) -> 
     return np.clip(make_interp_spline(s[steady], times[steady], k=3)(s), 0.0, duration)
 
 
-def _weights(points: Array, outer: Array, s: Array) -> Array:
+def _weights(points: Array, outer: Array, inverses: Array, s: Array) -> Array:
     """Return the weights of the outer paths that give points, shape (n, k).
 
     Raises:
         OutsideCorridorError: for a point that does not lie between the paths.
     """
     width = np.linalg.norm(outer[:, :-1] - outer[:, -1:], axis=2).max(axis=1)
-    weights = _hull_weights(points, outer)
+    weights = _hull_weights(points, outer[:, -1], inverses)
     missed = np.linalg.norm(np.einsum("nk,nki->ni", weights, outer) - points, axis=1)
     outside = np.maximum(-weights.min(axis=1) * width, missed) / width.max()
     if outside.max() > OUTSIDE:
@@ -145,26 +146,22 @@ def _weights(points: Array, outer: Array, s: Array) -> Array:
     return np.asarray(weights)
 
 
-def _hull_weights(points: Array, outer: Array) -> Array:
+def _hull_inverses(outer: Array) -> Array:
+    """Return the pseudoinverses by which `_hull_weights` projects on the hulls of outer points, (n, k - 1, outputs).
+
+    Args:
+        outer: shape (n, k, outputs).
+    """
+    return np.asarray(np.linalg.pinv(np.swapaxes(outer[:, :-1] - outer[:, -1:], 1, 2)))
+
+
+def _hull_weights(points: Array, last: Array, inverses: Array) -> Array:
     """Return the weights, with sum 1, of the points nearest to given ones in the affine hulls of outer points, (n, k).
 
     Args:
         points: shape (n, outputs).
-        outer: shape (n, k, outputs), or (k, outputs) for all points.
+        last: the last outer point, shape (n, outputs), or (outputs,) for all points.
+        inverses: of `_hull_inverses`, shape (n, k - 1, outputs), or (k - 1, outputs) for all points.
     """
-    return _affine_weights(points - outer[..., -1, :], _hull_inverses(outer))
-
-
-def _hull_inverses(outer: Array) -> Array:
-    """Return the pseudoinverses that give the first weights of a point, from its place relative to the last outer one.
-
-    Args:
-        outer: shape (..., k, outputs).
-    """
-    return np.asarray(np.linalg.pinv(np.swapaxes(outer[..., :-1, :] - outer[..., -1:, :], -1, -2)))
-
-
-def _affine_weights(apart: Array, inverses: Array) -> Array:
-    """Return the weights, with sum 1, of places (..., outputs) relative to the last outer point, shape (..., k)."""
-    first = np.einsum("...ki,...i->...k", inverses, apart)
+    first = np.einsum("...ki,...i->...k", inverses, points - last)
     return np.concatenate([first, 1 - first.sum(axis=-1, keepdims=True)], axis=-1)

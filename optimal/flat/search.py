@@ -116,9 +116,8 @@ def _fastest(scenario: Scenario, windings: Sequence[int]) -> list[ShootingSoluti
     fastest = min((shot.trajectory.duration for shot in found.values()), default=math.inf)
     shots = [shot for shot in found.values() if shot.trajectory.duration <= fastest * (1 + MARGIN)]
     shots.sort(key=lambda shot: shot.trajectory.duration)
-    return [shot for i, shot in enumerate(shots) if not any(_mirrored(shot, other) for other in shots[:i])][
-        :MOST_STARTS
-    ]
+    distinct = [shot for i, shot in enumerate(shots) if not any(_mirrored(shot, other) for other in shots[:i])]
+    return distinct[:MOST_STARTS]
 
 
 def _mirrored(shot: ShootingSolution, other: ShootingSolution) -> bool:

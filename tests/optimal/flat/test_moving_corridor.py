@@ -16,7 +16,7 @@ from flatgym.scenarios.reference import reference
 from optimal.direct.shooting import WINDINGS, solve_coarse, solve_winding
 from optimal.flat import moving_corridor
 from optimal.flat.initial_guess import motion, slow_start
-from optimal.flat.limits import _scaled, constraint_violation, slowed_to_limits
+from optimal.flat.limits import constraint_violation, scaled, slowed_to_limits
 from optimal.flat.moving_corridor import AT_HOOPS, confined, follow_flight
 from optimal.flat.planning import pose
 from optimal.flat.projection import OutsideCorridorError
@@ -132,9 +132,9 @@ def test_a_slow_down_keeps_limits_and_is_the_smallest():
     task = SCENARIOS["horizontal-3"]
     flight = next(follow_flight(task, solve_coarse(task, 0).trajectory)).solution.trajectory
     for faster in (1.0005, 1.004):
-        fast = replace(flight, squared_speed=_scaled(flight.squared_speed, faster**2))
+        fast = scaled(flight, 1 / faster)
         assert constraint_violation(fast) > 0
         slowed = slowed_to_limits(fast, 1.03)
         assert constraint_violation(slowed) == 0
         assert flight.duration * (1 - 1e-3) <= slowed.duration <= flight.duration * (1 + 1e-5)
-    assert slowed_to_limits(replace(flight, squared_speed=_scaled(flight.squared_speed, 2.0)), 1.03) is None
+    assert slowed_to_limits(scaled(flight, 2**-0.5), 1.03) is None
