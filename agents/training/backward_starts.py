@@ -28,6 +28,7 @@ def backward_starts(
     share: float = 0.8,
     near: float = 0.125,
     back_time: float = 1.0,
+    turns: int = 0,
     seed: int = 0,
     size: int = 40_000,
 ) -> Starts:
@@ -38,6 +39,7 @@ def backward_starts(
         share: share of episodes that start from the pool, not at the scenario's start.
         near: share of the pool sampled around the goal; the rest is simulated backwards from it.
         back_time: longest time of the backward simulation [s].
+        turns: whole turns of the tilt at the goal, where the simulation begins.
         seed: seed of the pool.
         size: number of states in the pool.
     """
@@ -45,6 +47,7 @@ def backward_starts(
     around = scenario.goal_state + generator.normal(size=(count, 5)) * SPREAD * generator.random((count, 1))
     flown, still_to_pass = fly_back(generator, scenario, back_time * generator.random(size - count))
     state = np.concatenate([around, flown])
+    state[:, 4] += 2 * np.pi * turns
     passed = np.concatenate([np.full(count, len(scenario.hoops)), still_to_pass])
     outside = _outside(scenario, state)
     return Starts(

@@ -9,7 +9,7 @@ import json
 from dataclasses import asdict, dataclass, fields
 from typing import Any, ClassVar
 
-from agents.training.fields import Bins, Checked, Count, Factor, Natural, NonNegative, Positive, Real, Seed, Share
+from agents.training.fields import Bins, Checked, Count, Factor, Natural, NonNegative, Positive, Real, Seed, Share, Turns
 from flatgym.validation import choice
 
 TOLERANCE_SHARE = 0.4
@@ -73,6 +73,9 @@ class Config(Checked):
     failure_cost: NonNegative = 0.5
     """Cost of a failed episode in training [s], for each hoop still ahead, but at least once; see
     `agents.training.curriculum.FailureCost`."""
+    turns: Turns = None
+    """Whole turns of the tilt with which a training episode must reach the goal, positive ones to the right; with any
+    other number it fails. None for any."""
     eval_every: Count = 5
     """Rollouts between two validations of the deterministic policy."""
     n_eval_episodes: Count = 64

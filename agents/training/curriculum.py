@@ -44,14 +44,19 @@ class FailureCost(VecEnvWrapper):
     -K* dt - P(s_0), if V(s) + P(s) < price max(1, hoops ahead). The potential assumes 5 m/s through hoops; a fixed cost
     of 0.5 s made it better to fail at once than to fly the optimum of `slalom`, `ladder`, `slalom-6` and `zigzag-12`.
 
+    With `turns`, only a flight with that number of whole turns of the tilt succeeds: the goal with any other number is
+    a failure. It selects a homotopy class, as the optimal solvers do. Neighbouring classes are local optima, which
+    gradual improvement does not leave.
+
     Args:
-        venv: the environments.
+        venv: the environments; their starts count the tilt from 0 at the scenario's start.
         price: cost of a failure [s].
+        turns: whole turns of the tilt at the goal, positive ones to the right; None for any number.
     """
 
-    def __init__(self, venv: Any, price: float) -> None:
+    def __init__(self, venv: Any, price: float, turns: int | None = None) -> None:
         super().__init__(venv)
-        self.price = price
+        self.price, self.turns = price, turns
 
     def reset(self) -> Any:
         """Reset all episodes."""
@@ -60,15 +65,20 @@ class FailureCost(VecEnvWrapper):
         return observations
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Step once; an episode fails if it ends neither at the goal nor at the time limit."""
+        """Step once; an episode fails if it ends neither at the goal, with the turns, nor at the time limit."""
         observations, rewards, dones, infos = self.venv.step_wait()
         ended = np.flatnonzero(dones)
         for i in ended:
-            if infos[i]["outcome"] not in ("goal", "time-limit"):
+            if infos[i]["outcome"] != "time-limit" and not self._succeeds(infos[i]):
                 rewards[i] = -self.price * max(1, self._hoops[i] - infos[i]["hoops_passed"])
         if ended.size:
             self._hoops = self._fleet.hoop_counts()  # of the episodes that follow
         return observations, rewards, dones, infos
+
+    def _succeeds(self, info: dict[str, Any]) -> bool:
+        """Return whether an episode that has ended reached the goal, with the turns."""
+        turns = round(float(info["state"][4]) / (2 * np.pi))
+        return info["outcome"] == "goal" and self.turns in (None, turns)
 
     @property
     def _fleet(self) -> Fleet:
@@ -90,6 +100,7 @@ class Curriculum:
             share=config.pool_share,
             near=config.pool_near_share,
             back_time=config.max_back_time,
+            turns=config.turns or 0,
             seed=config.seed,
         )
         if config.pool_expert_share:

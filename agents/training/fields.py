@@ -22,6 +22,8 @@ MAX_INT = 2**62
 """Greatest whole number of a field."""
 MAX_BINS = 1001
 """Greatest number of bins of an action."""
+MOST_TURNS = 100
+"""Greatest number of whole turns of the tilt."""
 Check: TypeAlias = Callable[[str, str, Any], Any]
 """Takes owner, name and value; returns the value to store."""
 
@@ -77,6 +79,13 @@ def levels(owner: str, name: str, value: Any) -> tuple[int, int] | None:
     return thrust, rate
 
 
+def whole_turns(owner: str, name: str, value: Any) -> int | None:
+    """Return the value, a whole number within MOST_TURNS of zero, or None."""
+    return None if value is None else whole(f"{owner}.{name}", value, -MOST_TURNS, MOST_TURNS)
+
+
+Turns = Annotated[int | None, whole_turns]
+"""A number of whole turns of either sign; None for any."""
 Bins = Annotated[tuple[int, int] | None, levels]
 """Numbers of bins of thrust and rate; None for none."""
 Seed = Annotated[int, Whole(0, 2**32 - 1)]

@@ -71,11 +71,10 @@ def build(config: Config) -> BaseAlgorithm:
 
 
 def environments(config: Config) -> VecEnv:
-    """Return the training environments, with the fixed cost of failure."""
+    """Return the training environments, with the training's cost of failure."""
     starts = curriculum(config).starts(0.0)
-    return FailureCost(
-        make_vec_env(config.scenario, config.num_envs, starts=starts, seed=config.seed), config.failure_cost
-    )
+    vec_env = make_vec_env(config.scenario, config.num_envs, starts=starts, seed=config.seed)
+    return FailureCost(vec_env, config.failure_cost, config.turns)
 
 
 def starting_policy(config: Config) -> BaseAlgorithm | None:

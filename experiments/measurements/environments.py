@@ -11,14 +11,11 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import gymnasium as gym
@@ -33,9 +30,9 @@ from experiments.files import Row
 from experiments.measurements.interleaved import Candidate, batch, interleaved, ratio, single
 from experiments.measurements.libraries.agreement import agreement
 from experiments.measurements.libraries.speed import libraries
+from experiments.measurements.memory import memory
 from experiments.measurements.sections import Advance, Section, fresh_process, median
 from flatgym import SCENARIOS
-from optimal.parallel import blocked_interrupts
 
 BASELINE, OURS = "CartPole-v1", "FlatQuad-v0"
 ROUNDS, SECONDS = 25, 0.15
@@ -48,9 +45,6 @@ LADDER = (1, 16, 256, 1024, 16384)
 MINIBATCHES = (4096, 64)
 """Minibatch sizes of PPO: that of `agents.PPOConfig`, a quarter of a rollout, and SB3's default. With the default the
 2,560 updates after each rollout take nearly all the time, equally for both environments."""
-MEMORY_STEPS, WARM_UP = 100_000_000, 1_000_000
-MAX_GROWTH = 1.0
-"""Largest growth of the resident memory that passes [MB]; the allocator keeps a few pages."""
 
 
 def with_target(row: Row, metric: str, target: float, *, at_most: bool = False) -> Row:
@@ -211,52 +205,6 @@ def ppo_candidate(what: str, envs: VecEnv, rollout: int, minibatch: int) -> Cand
         return 2 * rollout
 
     return Candidate(what, envs.num_envs, play)
-
-
-def memory(quick: bool, advance: Advance) -> list[Row]:
-    """Does the resident memory grow over 10^8 steps? Largest growth after the first 10^6 steps.
-
-    Each case has a new process. In a used process a leak could fill memory that earlier work has freed.
-    """
-    steps, warm_up, envs = (20_000, 4_000, 64) if quick else (MEMORY_STEPS, WARM_UP, ENVS)
-    marks = [warm_up, *(steps * share // 10 for share in range(1, 11))]
-    cases = [(SCENARIO, "NextStep"), (DRAWN[0], "SameStep")]
-    rows: list[Row] = []
-    for i, (scenario, mode) in enumerate(cases):
-        with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-            with blocked_interrupts():
-                measured = pool.submit(memory_checkpoints, scenario, envs, mode, marks)
-            checkpoints = measured.result()
-        sizes = [checkpoint["resident_mb"] for checkpoint in checkpoints[1:]]
-        row: Row = {"what": scenario, "num_envs": envs, "autoreset": mode, "checkpoints": checkpoints}
-        rows.append(with_target(row | {"growth_mb": max(sizes) - sizes[0]}, "growth_mb", MAX_GROWTH, at_most=True))
-        advance(i + 1, len(cases))
-    return rows
-
-
-def memory_checkpoints(scenario: str, envs: int, mode: str, marks: Sequence[int]) -> list[Row]:
-    """Run a scenario and return the resident memory at the marks."""
-    return resident_at(batch(scenario, envs, id=OURS, scenario=scenario, autoreset_mode=mode), marks)
-
-
-def resident_at(candidate: Candidate, marks: Iterable[int]) -> list[Row]:
-    """Run a candidate and return the resident memory before the first step and after each number of steps."""
-    checkpoints, done = [{"env_steps": 0, "resident_mb": resident()}], 0
-    for mark in marks:
-        while done < mark:
-            done += candidate.play()
-        checkpoints.append({"env_steps": done, "resident_mb": resident()})
-    return checkpoints
-
-
-def resident() -> float:
-    """Return the resident memory of this process [MB]; without /proc, its maximum so far."""
-    try:
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    except FileNotFoundError:
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        return peak / (1e6 if sys.platform == "darwin" else 1e3)  # bytes on macOS, kilobytes elsewhere
-    return pages * resource.getpagesize() / 1e6
 
 
 SECTIONS: dict[str, Section] = {

@@ -49,6 +49,7 @@ def test_whole_numbers_are_stored_as_floats_in_float_fields():
         ("tolerance", 0.5, "must lie in 1.."),
         ("failure_cost", -1.0, "at least 0"),
         ("guidance", 1, "must be a bool"),
+        ("turns", 0.5, "whole number in -100..100"),
         ("tensorboard", True, "must be a str"),
         ("policy", None, "must be a str"),
         ("log_std_init", float("inf"), "must be finite"),

@@ -74,6 +74,26 @@ def test_the_return_of_a_failure_is_that_of_its_last_state_and_its_hoops(name):
         assert returned == pytest.approx(-k * problem.dt + risen - cost, abs=1e-4)
 
 
+@pytest.mark.parametrize(("name", "flown"), [("climb", 1), ("drop", -1), ("hoop", 0)])
+@pytest.mark.parametrize("turns", [None, -1, 0, 1])
+def test_only_a_flight_with_the_turns_succeeds(name, flown, turns):
+    envs = FailureCost(make_vec_env(name, 1, seed=0), 0.5, turns)
+    envs.reset()
+    for action in reference(name).actions:
+        _, rewards, dones, infos = envs.step(action.astype(np.float32)[None])
+    assert dones[0]
+    assert infos[0]["outcome"] == "goal"
+    assert (rewards[0] == -0.5) == (turns not in (None, flown))
+
+
+def test_flights_with_turns_start_so_that_the_simulated_ones_end_with_them():
+    pools = [Curriculum(PPOConfig(scenario="climb", turns=turns)).pool for turns in (None, 0, 2)]
+    inside = (pools[0].state != SCENARIOS["climb"].start_state).any(axis=1)
+    np.testing.assert_array_equal(pools[0].state, pools[1].state)
+    np.testing.assert_allclose((pools[2].state - pools[0].state)[inside, 4], 4 * np.pi, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(pools[2].state[:, :4], pools[0].state[:, :4])
+
+
 @pytest.mark.parametrize("problem", ["hoop", "random-goal"])
 def test_the_tolerance_tightens_to_the_true_one(problem):
     course = Curriculum(PPOConfig(scenario=problem, tolerance=3.0))
