@@ -14,7 +14,18 @@ from agents.evaluation.rollouts import Episodes, fly
 from agents.evaluation.scores import FasterThanOptimal, episode_rows, evaluate
 from agents.imitation.oracles import combined_oracle, lqr_oracle
 from agents.training.backward_starts import backward_starts
-from agents.training.configs import CONFIGS, Config, CrossQConfig, PPOConfig, SACConfig, TD3Config, TQCConfig, config_of
+from agents.training.configs import (
+    CONFIGS,
+    Config,
+    CrossQConfig,
+    DQNConfig,
+    PPOConfig,
+    QRDQNConfig,
+    SACConfig,
+    TD3Config,
+    TQCConfig,
+    config_of,
+)
 from agents.training.models import build
 from agents.training.progress_reward import ProgressReward
 from agents.training.train import Training, train
@@ -27,6 +38,7 @@ __all__ = [
     "CascadedPD",
     "Config",
     "CrossQConfig",
+    "DQNConfig",
     "Episodes",
     "Expert",
     "FasterThanOptimal",
@@ -35,6 +47,7 @@ __all__ = [
     "OpenLoop",
     "PPOConfig",
     "ProgressReward",
+    "QRDQNConfig",
     "RandomActions",
     "SACConfig",
     "TD3Config",

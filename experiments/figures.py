@@ -26,7 +26,7 @@ from flatgym.task.rollout import fly_actions
 from optimal import Solution, Status
 
 COLOURS = ("#0b6e99", "#d1603d", "#4f772d", "#7a4988")
-FURTHER_COLOURS = ("#6aa9c4", "#a13d2d", "#e08f78", "#8f7a5a", "#86a86a", "#a886b3")
+FURTHER_COLOURS = ("#6aa9c4", "#a13d2d", "#e08f78", "#8f7a5a", "#86a86a", "#a886b3", "#2f8f83", "#b0698f")
 """Colours of variants of an agent, and of agents that few figures show."""
 INK, OUTLINE, FAINT, FLAME = "#22303c", "#8b98a3", "#dfe4e8", "#e8a33d"
 ARM = 0.18

@@ -23,8 +23,10 @@ ALGORITHMS = {
     "TRPO": "sb3_contrib",
     "ARS": "sb3_contrib",
     "RecurrentPPO": "sb3_contrib",
+    "DQN": "stable_baselines3",
+    "QRDQN": "sb3_contrib",
 }
-"""Package of each algorithm: all that have continuous actions."""
+"""Package of each algorithm; the last two have numbered actions, see `agents.policies.levels`."""
 SETTINGS = (
     ("TQC", {"top_quantiles_to_drop_per_net"}),
     ("TRPO", {"cg_damping"}),
@@ -32,6 +34,8 @@ SETTINGS = (
     ("TD3", {"target_policy_noise"}),
     ("CrossQ", {"target_entropy", "policy_delay"}),
     ("SAC", {"target_entropy"}),
+    ("QRDQN", {"n_quantiles"}),
+    ("DQN", {"exploration_initial_eps"}),
     ("PPO", {"clip_range"}),
     ("A2C", {"gae_lambda"}),
 )

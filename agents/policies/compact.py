@@ -14,9 +14,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Space
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import data_to_json
+
+from agents.policies.levels import Levels
 
 TRANSIENT = (
     "_last_obs",
@@ -79,8 +81,10 @@ def _shortened(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     }
 
 
-def _fresh(space: Any) -> Box:
+def _fresh(space: Any) -> Space[Any]:
     """Return the space without its random generator."""
+    if isinstance(space, Levels):
+        return Levels(space.bins)
     return Box(space.low, space.high, dtype=space.dtype)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
+from agents.policies.levels import Levels
 from agents.policies.policy import Policy
 from flatgym.envs.spaces import action_space, observation_space
 from flatgym.task.observation import OBSERVATIONS
@@ -93,12 +94,18 @@ def _same_bounds(one: Box, other: Box) -> bool:
 
 
 def check_actions(space: Any, exact: bool = False) -> None:
-    """Raise a ValueError for an action space of another shape than FlatQuad-v0's; if `exact`, of other bounds too."""
+    """Raise a ValueError for an action space of another shape than FlatQuad-v0's; if `exact`, of other bounds too.
+
+    `Levels` numbers actions of FlatQuad-v0, so it fits.
+    """
     wanted = action_space()
+    if isinstance(space, Levels):
+        return
     if (space != wanted) if exact else (getattr(space, "shape", None) != wanted.shape):
         raise ValueError(
             f"it has an action_space of shape {getattr(space, 'shape', None)}, {space}, but FlatQuad-v0 one of shape "
-            f"{wanted.shape}, {wanted}; train it in FlatQuad-v0, or pass an object whose predict() converts actions"
+            f"{wanted.shape}, {wanted}; train it in FlatQuad-v0, for discrete actions with those numbered by "
+            "agents.policies.levels, or pass an object whose predict() converts actions"
         )
 
 
@@ -113,6 +120,8 @@ def fit(policy: Policy) -> tuple[Policy, str]:
     try:
         if (actions := getattr(policy, "action_space", None)) is not None:
             check_actions(actions)
+        if isinstance(actions, Levels):
+            policy = Numbered(policy, actions)
         if (space := getattr(policy, "observation_space", None)) is None:
             return policy, "features"
         seen = layout(space)
@@ -127,15 +136,38 @@ def unstacked(policy: Policy, seen: Layout) -> Policy:
 
 
 class Wrapped:
-    """A policy that changes the observations of another.
+    """A policy that changes the observations or actions of another.
 
     Attributes:
         policy: the other policy.
         observation_space: the space of the observations that this one takes.
+        action_space: the space of its actions, None if the other has none.
     """
 
     def __init__(self, policy: Policy, space: Any) -> None:
         self.policy, self.observation_space = policy, space
+        self.action_space = getattr(policy, "action_space", None)
+
+
+class Numbered(Wrapped):
+    """A policy of numbered actions, which returns the actions themselves."""
+
+    def __init__(self, policy: Policy, levels: Levels) -> None:
+        super().__init__(policy, getattr(policy, "observation_space", None))
+        self.levels, self.action_space = levels, action_space()
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: NDArray[np.bool_] | None = None,
+        deterministic: bool = False,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Return actions (n, 2) for observations of shape (n, m), and the state of the policy."""
+        numbers, state = self.policy.predict(
+            observation, state=state, episode_start=episode_start, deterministic=deterministic
+        )
+        return self.levels.actions(numbers), state
 
 
 class Stacked(Wrapped):

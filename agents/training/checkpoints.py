@@ -50,6 +50,7 @@ def write(config: Config, model: BaseAlgorithm, progress: Progress) -> None:
         "progress": asdict(progress),
         "env_steps": model.num_timesteps,
         "updates": model._n_updates,
+        "calls": _calls(model),
         "parameters": model.get_parameters(),
         "entropy": _entropy(model),
         "replay": _replay(model),
@@ -76,6 +77,8 @@ def restore(config: Config, model: BaseAlgorithm) -> Progress:
             raise KeyError(f"parameters {', '.join(sorted(missing))}")
         model.set_parameters(content["parameters"], exact_match=True, device="cpu")
         model.num_timesteps, model._n_updates = content["env_steps"], content["updates"]
+        if (calls := content.get("calls")) is not None:
+            model._n_calls = calls  # type: ignore[attr-defined]
         if (entropy := _entropy(model)) is not None:
             entropy.data.copy_(content["entropy"])
         _refill(model, content["replay"])
@@ -120,6 +123,12 @@ def _check_config(path: Path, text: str, config: Config) -> None:
 def _entropy(model: BaseAlgorithm) -> torch.Tensor | None:
     entropy: torch.Tensor | None = getattr(model, "log_ent_coef", None)
     return entropy
+
+
+def _calls(model: BaseAlgorithm) -> int | None:
+    """Return the number of steps by which DQN times the updates of its target network; None for others."""
+    calls: int | None = getattr(model, "_n_calls", None)
+    return calls
 
 
 def _replay(model: BaseAlgorithm) -> dict[str, Any]:

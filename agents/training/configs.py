@@ -9,7 +9,20 @@ import json
 from dataclasses import asdict, dataclass, fields
 from typing import Any, ClassVar
 
-from agents.training.fields import Bins, Checked, Count, Factor, Natural, NonNegative, Positive, Real, Seed, Share, Turns
+from agents.training.fields import (
+    Bins,
+    Checked,
+    Count,
+    Factor,
+    Levels,
+    Natural,
+    NonNegative,
+    Positive,
+    Real,
+    Seed,
+    Share,
+    Turns,
+)
 from flatgym.validation import choice
 
 TOLERANCE_SHARE = 0.4
@@ -76,7 +89,7 @@ class Config(Checked):
     turns: Turns = None
     """Whole turns of the tilt with which a training episode must reach the goal, positive ones to the right; with any
     other number it fails. None for any."""
-    eval_every: Count = 5
+    eval_every: Count = 2
     """Rollouts between two validations of the deterministic policy."""
     n_eval_episodes: Count = 64
     """Validation episodes on a distribution, the same each time; a scenario needs one, because it is deterministic."""
@@ -107,7 +120,7 @@ class PPOConfig(Config):
     """Steps of each vehicle between two updates (a rollout)."""
     n_epochs: Count = 6
     """Epochs over a rollout."""
-    bins: Bins = (3, 21)
+    bins: Bins = (2, 21)
     """Bins of thrust and rate of a categorical actor, see `agents.policies.categorical`; None for a Gaussian one. A
     policy to start from keeps its own."""
     log_std_init: Real = -0.7
@@ -206,7 +219,47 @@ class CrossQConfig(SoftConfig):
     folder: str = "runs/crossq"
 
 
-KINDS: tuple[type[Config], ...] = (PPOConfig, SACConfig, TD3Config, TQCConfig, CrossQConfig)
+@dataclass(frozen=True)
+class DQNConfig(OffPolicyConfig):
+    """Deep Q-network (Mnih et al. 2015) over numbered actions, see `agents.policies.levels`.
+
+    Exploration has a constant rate, because most episodes start near the goal. The learning rate falls linearly.
+    """
+
+    algorithm: ClassVar[str] = "DQN"
+
+    folder: str = "runs/dqn"
+    env_steps: Count = 2_000_000
+    width: Count = 128
+    batch_size: Count = 512
+    n_steps: Count = 10
+    """Steps of the n-step return. With 1 the value of the goal spreads by one step of an episode in each update."""
+    buffer_size: Count = 400_000
+    """Capacity of the replay buffer [steps]."""
+    bins: Levels = (2, 11)
+    """Levels of thrust and rate; each combination is an action."""
+    learning_rate_end: Share = 0.05
+    """Share of the initial learning rate at the end of the training."""
+    exploration_rate: Share = 0.05
+    """Share of steps with random actions."""
+    target_update_interval: Count = 2_000
+    """Environment steps between two updates of the target network."""
+
+
+@dataclass(frozen=True)
+class QRDQNConfig(DQNConfig):
+    """Quantile-regression DQN (Dabney et al. 2018): DQN on quantiles of the return."""
+
+    algorithm: ClassVar[str] = "QRDQN"
+
+    folder: str = "runs/qrdqn"
+    n_quantiles: Count = 25
+    """Quantiles of the return of each action."""
+
+
+KINDS: tuple[type[Config], ...] = (
+    PPOConfig, SACConfig, TD3Config, TQCConfig, CrossQConfig, DQNConfig, QRDQNConfig,
+)  # fmt: skip
 CONFIGS: dict[str, type[Config]] = {kind.algorithm: kind for kind in KINDS}
 """Configuration class of each algorithm."""
 

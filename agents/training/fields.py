@@ -79,6 +79,13 @@ def levels(owner: str, name: str, value: Any) -> tuple[int, int] | None:
     return thrust, rate
 
 
+def given_levels(owner: str, name: str, value: Any) -> tuple[int, int]:
+    """Return the numbers of bins of thrust and rate; a ValueError names what is wrong."""
+    if (found := levels(owner, name, value)) is None:
+        raise ValueError(f"{owner}.{name} must be two numbers of bins, of thrust and of rate, got None")
+    return found
+
+
 def whole_turns(owner: str, name: str, value: Any) -> int | None:
     """Return the value, a whole number within MOST_TURNS of zero, or None."""
     return None if value is None else whole(f"{owner}.{name}", value, -MOST_TURNS, MOST_TURNS)
@@ -88,6 +95,8 @@ Turns = Annotated[int | None, whole_turns]
 """A number of whole turns of either sign; None for any."""
 Bins = Annotated[tuple[int, int] | None, levels]
 """Numbers of bins of thrust and rate; None for none."""
+Levels = Annotated[tuple[int, int], given_levels]
+"""Numbers of bins of thrust and rate."""
 Seed = Annotated[int, Whole(0, 2**32 - 1)]
 """A whole number in 0..2^32 - 1, the seeds NumPy accepts."""
 Natural = Annotated[int, Whole(0)]

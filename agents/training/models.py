@@ -21,8 +21,19 @@ from agents import policies
 from agents.policies.algorithms import algorithm
 from agents.policies.categorical import CategoricalPolicy
 from agents.policies.guidance import Guidance
+from agents.policies.levels import Levels, NumberedActions
 from agents.policies.networks import ScaledObservations, network
-from agents.training.configs import Config, CrossQConfig, OffPolicyConfig, PPOConfig, SoftConfig, TD3Config, TQCConfig
+from agents.training.configs import (
+    Config,
+    CrossQConfig,
+    DQNConfig,
+    OffPolicyConfig,
+    PPOConfig,
+    QRDQNConfig,
+    SoftConfig,
+    TD3Config,
+    TQCConfig,
+)
 from agents.training.curriculum import FailureCost, curriculum
 from agents.training.vec_env import make_vec_env
 
@@ -50,9 +61,16 @@ def build(config: Config) -> BaseAlgorithm:
         if start is None and config.bins is not None:
             actor, arguments["bins"] = CategoricalPolicy, config.bins
         arguments["log_std_init"] = config.log_std_init
+    vec_env = environments(config)
+    if isinstance(config, DQNConfig):
+        vec_env = NumberedActions(vec_env, Levels(config.bins))
+        if start is None:
+            arguments["net_arch"] = arguments["net_arch"]["qf"]  # there is no actor
+            if isinstance(config, QRDQNConfig):
+                arguments["n_quantiles"] = config.n_quantiles
     model = kind(
         actor,
-        environments(config),
+        vec_env,
         learning_rate=config.learning_rate,
         batch_size=config.batch_size,
         gamma=config.gamma,
@@ -110,6 +128,13 @@ def _own_arguments(config: Config) -> dict[str, Any]:
         "gradient_steps": config.gradient_steps,
         "n_steps": config.n_steps,
     }
+    if isinstance(config, DQNConfig):
+        rate = config.exploration_rate
+        return arguments | {
+            "target_update_interval": config.target_update_interval,
+            "exploration_initial_eps": rate,
+            "exploration_final_eps": rate,
+        }
     if not isinstance(config, CrossQConfig):
         arguments["tau"] = config.tau  # type: ignore[attr-defined]
     if isinstance(config, TD3Config):

@@ -11,6 +11,8 @@ NAMES = {
     "td3": "TD3",
     "tqc": "TQC",
     "crossq": "CrossQ",
+    "dqn": "DQN",
+    "qrdqn": "QR-DQN",
     "bc": "BC",
     "dagger": "DAgger",
     "bc-ppo": "BC, then PPO",
@@ -38,6 +40,8 @@ _LEARNERS = (
     "crossq",
     "bc-categorical",
     "dagger-categorical",
+    "dqn",
+    "qrdqn",
 )
 LEARNER_COLOURS = dict(zip(_LEARNERS, (*COLOURS, FLAME, *FURTHER_COLOURS), strict=True))
 """Colours of the trained agents. All others are grey."""

@@ -25,7 +25,7 @@ PRETRAIN_EXAMPLES = "Example: flatquad pretrain hoop climb --out my-policies"
 
 def train_policy(
     scenario: ProblemName,
-    algorithm: Annotated[str, typer.Option(help="ppo, sac, td3, tqc or crossq.")] = "ppo",
+    algorithm: Annotated[str, typer.Option(help="ppo, sac, td3, tqc, crossq, dqn or qrdqn.")] = "ppo",
     seed: Annotated[int, typer.Option(help="Seed of initial states, network and exploration.")] = 0,
     seconds: Annotated[
         float | None,
@@ -41,6 +41,10 @@ def train_policy(
             show_default=False,
         ),
     ] = "",
+    turns: Annotated[
+        int | None,
+        typer.Option(help="Whole turns of the tilt that flights must make in training.", show_default="any"),
+    ] = None,
     folder: Annotated[
         Path | None,
         typer.Option(help="Folder of the model and the checkpoints.", show_default="runs/ALGORITHM-SCENARIO-SEED"),
@@ -63,7 +67,7 @@ def train_policy(
 
     if resume and overwrite:
         raise ValueError("--resume continues a training and --overwrite replaces it: give one of them")
-    wanted = {"max_seconds": seconds, "env_steps": env_steps}
+    wanted = {"max_seconds": seconds, "env_steps": env_steps, "turns": turns}
     config = config_of(
         algorithm,
         scenario=scenario,

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from agents.evaluation.validation import VALIDATION_SEED
-from agents.training.configs import CrossQConfig, SACConfig, TD3Config, TQCConfig
+from agents.training.configs import CrossQConfig, DQNConfig, QRDQNConfig, SACConfig, TD3Config, TQCConfig
 from experiments.recipes.baselines import (
     cascaded_pd,
     expert,
@@ -40,6 +40,8 @@ LEARNERS: dict[str, Recipe] = {
     "td3": partial(train_off_policy, kind=TD3Config),
     "tqc": partial(train_off_policy, kind=TQCConfig),
     "crossq": partial(train_off_policy, kind=CrossQConfig),
+    "dqn": partial(train_off_policy, kind=DQNConfig),
+    "qrdqn": partial(train_off_policy, kind=QRDQNConfig),
     "bc": train_bc,
     "dagger": train_dagger,
     "bc-ppo": train_bc_ppo,
@@ -59,7 +61,7 @@ EXPERTS: dict[str, Recipe] = {
 }
 """Agents without training, and without a seed."""
 COMPARED_ON_FEW = (
-    "ppo-gaussian", "sac", "td3", "tqc", "crossq", "bc-ppo", "bc-categorical", "dagger-categorical",
+    "ppo-gaussian", "sac", "td3", "tqc", "crossq", "dqn", "qrdqn", "bc-ppo", "bc-categorical", "dagger-categorical",
 )  # fmt: skip
 """Learners that the full suite trains on two problems only, to end within a working day."""
 SCENARIO_ONLY = ("expert-no-margin", "mpc")

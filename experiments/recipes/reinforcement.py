@@ -13,14 +13,23 @@ from experiments.recipes.run_spec import RunSpec, TrainedAgent
 
 DISTRIBUTION_WIDTH = 128
 """Units of the hidden layers of PPO on a distribution, twice as many as on a scenario."""
+TURNS = {
+    "climb": 1, "drop": -1, "high-hoop": 1, "slalom": 2, "loop": -1, "split-s": 1, "figure-eight": 1, "slalom-6": 3,
+    "zigzag-12": 4,
+}  # fmt: skip
+"""Whole turns of the tilt that flights must make in training; none on other tasks. See `agents.PPOConfig`."""
+TURNING_COST = 1.5
+"""Cost of a failed episode with `TURNS` [s]. With the default, `drop` prefers the failure of a flight without turns."""
 
 
 def train_ppo(spec: RunSpec, name: str = "ppo", **values: Any) -> TrainedAgent:
     """Train PPO; `values` replace fields of its configuration, and `name` is that of the agent."""
-    which = spec.is_distribution
-    width: dict[str, Any] = {"width": DISTRIBUTION_WIDTH} if which else {}
-    budget: dict[str, Any] = {"max_seconds": spec.budget.ppo_s[which], "env_steps": spec.budget.ppo_steps[which]}
-    return train_or_resume(spec, PPOConfig(**common(spec, name), **budget, **width, **values))
+    own: dict[str, Any] = {"max_seconds": spec.budget.ppo_s[spec.size], "env_steps": spec.budget.ppo_steps[spec.size]}
+    if spec.is_distribution:
+        own["width"] = DISTRIBUTION_WIDTH
+    if spec.label in TURNS:
+        own |= {"turns": TURNS[spec.label], "failure_cost": TURNING_COST}
+    return train_or_resume(spec, PPOConfig(**common(spec, name) | own | values))
 
 
 def train_gaussian_ppo(spec: RunSpec) -> TrainedAgent:
@@ -30,8 +39,9 @@ def train_gaussian_ppo(spec: RunSpec) -> TrainedAgent:
 
 def train_off_policy(spec: RunSpec, kind: type[OffPolicyConfig]) -> TrainedAgent:
     """Train an algorithm with a replay buffer, with its default configuration."""
-    budget: dict[str, Any] = {"max_seconds": spec.budget.off_policy_s, "env_steps": spec.budget.off_policy_steps}
-    return train_or_resume(spec, kind(**common(spec, kind.algorithm.lower()), **budget))
+    steps, budget = min(kind.env_steps, spec.budget.off_policy_steps), spec.budget
+    config = kind(**common(spec, kind.algorithm.lower()), max_seconds=budget.off_policy_s, env_steps=steps)
+    return train_or_resume(spec, config)
 
 
 def common(spec: RunSpec, name: str) -> dict[str, Any]:

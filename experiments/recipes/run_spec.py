@@ -24,11 +24,13 @@ class Budget:
     Pairs hold the value for a scenario, then the value for a distribution.
 
     Attributes:
-        ppo_s: pair, wall time of PPO [s].
+        ppo_s: wall time of PPO [s]: on scenarios of at most one hoop, on tracks, on distributions without and with
+            hoops.
         off_policy_s: wall time of the algorithms with a replay buffer [s].
         finetuning_s: wall time of PPO that starts from a cloned policy [s].
-        ppo_steps: pair, environment steps over which the schedules of PPO run.
-        off_policy_steps, finetuning_steps: the same of the others.
+        ppo_steps: environment steps over which the schedules of PPO run, for the same four.
+        off_policy_steps: most environment steps of an algorithm with a replay buffer.
+        finetuning_steps: environment steps of PPO that starts from a cloned policy.
         expert_rollouts: episodes of the LQR expert that are cloned on a scenario; a DAgger round has half as many.
         demonstrations: optimal flights that are cloned on a distribution.
         gradient_steps: pair, gradient steps of behaviour cloning.
@@ -43,11 +45,11 @@ class Budget:
         mpc_episodes: episodes of MPC, which takes seconds each.
     """
 
-    ppo_s: tuple[float, float] = (250.0, 600.0)
+    ppo_s: tuple[float, float, float, float] = (300.0, 900.0, 900.0, 2400.0)
     off_policy_s: float = 900.0
     finetuning_s: float = 50.0
-    ppo_steps: tuple[int, int] = (5_000_000, 10_000_000)
-    off_policy_steps: int = 400_000
+    ppo_steps: tuple[int, int, int, int] = (5_000_000, 30_000_000, 25_000_000, 60_000_000)
+    off_policy_steps: int = 2_000_000
     finetuning_steps: int = 800_000
     expert_rollouts: int = 64
     demonstrations: int = 1_500
@@ -65,10 +67,10 @@ class Budget:
 
 FULL = Budget()
 SMOKE = Budget(
-    ppo_s=(4.0, 4.0),
+    ppo_s=(4.0, 4.0, 4.0, 4.0),
     off_policy_s=4.0,
     finetuning_s=4.0,
-    ppo_steps=(33_000, 33_000),
+    ppo_steps=(33_000, 33_000, 33_000, 33_000),
     off_policy_steps=2_000,
     finetuning_steps=33_000,
     expert_rollouts=4,
@@ -117,6 +119,13 @@ class RunSpec:
     def is_distribution(self) -> bool:
         """Whether the task is a distribution; also the index into the pairs of a Budget."""
         return isinstance(self.target, Distribution)
+
+    @cached_property
+    def size(self) -> int:
+        """The index into the four budgets of PPO, by kind of task and number of hoops."""
+        if isinstance(self.target, Distribution):
+            return 3 if len(self.target.scenario(0).hoops) else 2
+        return 1 if len(self.target.hoops) > 1 else 0
 
     @cached_property
     def k_star(self) -> int:

@@ -25,7 +25,13 @@ DARK = {
     FLAME: "#f0b352",
     "white": "#12171c",
     **dict(zip(COLOURS, ("#55b7e0", "#f08a68", "#93c267", "#c795d6"), strict=True)),
-    **dict(zip(FURTHER_COLOURS, ("#9fd0e6", "#d9705f", "#f5b8a6", "#c2ae8c", "#bfe09a", "#dcc0e6"), strict=True)),
+    **dict(
+        zip(
+            FURTHER_COLOURS,
+            ("#9fd0e6", "#d9705f", "#f5b8a6", "#c2ae8c", "#bfe09a", "#dcc0e6", "#74d6c9", "#e8a8cc"),
+            strict=True,
+        )
+    ),
     **dict(zip(EXTERNAL_COLOURS, ("#4cc2ba", "#e585b6", "#98a2f0", "#cfae58"), strict=True)),
 }
 """The dark theme's colours, by colour of the light theme."""

@@ -201,9 +201,17 @@ def test_a_zip_of_something_else_is_named(tmp_path, members):
 
 
 def test_another_algorithm_is_not_loaded(tmp_path):
-    model = DQN("MlpPolicy", gym.make("CartPole-v1"), buffer_size=10, device="cpu")
-    model.save(tmp_path / "dqn.zip")
-    with pytest.raises(ValueError, match=r"dqn.zip holds a policy of none of PPO, A2C, .*, got ''; if .*--algorithm"):
+    with zipfile.ZipFile(tmp_path / "other.zip", "w") as file:
+        file.writestr("data", json.dumps({"seed": 0}))
+    with pytest.raises(ValueError, match=r"other.zip holds a policy of none of PPO, A2C, .*, got ''; if .*--algorithm"):
+        policies.load(tmp_path / "other.zip", trust=True)
+
+
+def test_numbered_actions_need_levels(tmp_path):
+    env = gym.make("FlatQuad-v0")
+    env = gym.wrappers.TransformAction(env, lambda _: env.action_space.sample(), gym.spaces.Discrete(6))
+    DQN("MlpPolicy", env, buffer_size=10, device="cpu").save(tmp_path / "dqn.zip")
+    with pytest.raises(ValueError, match=r"dqn.zip does not fit.*Discrete\(6\).*numbered by agents.policies.levels"):
         policies.load(tmp_path / "dqn.zip", trust=True)
 
 

@@ -81,5 +81,5 @@ def test_text_that_is_no_configuration_is_refused(text):
 
 
 def test_an_unknown_algorithm_is_refused():
-    with pytest.raises(ValueError, match="unknown algorithm 'dqn'; known: PPO, SAC, TD3, TQC"):
-        config_of("dqn")
+    with pytest.raises(ValueError, match="unknown algorithm 'a3c'; known: PPO, SAC, TD3, TQC"):
+        config_of("a3c")

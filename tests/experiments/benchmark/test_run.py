@@ -22,7 +22,7 @@ from flatgym.task.rollout import fly_actions
 
 SMOKE = replace(
     run_spec.SMOKE,
-    ppo_steps=(100, 100),
+    ppo_steps=(100, 100, 100, 100),
     finetuning_steps=100,
     finetuning_s=30.0,
     gradient_steps=(5, 5),
