@@ -57,6 +57,16 @@ def write_results(path: Path, results: Row) -> None:
     write_text(path, "{\n" + ",\n".join([*lines, f' "cells": [\n{rows}\n ]']) + "\n}\n")
 
 
+def restore(results: Row, folder: Path) -> None:
+    """Write the cells of results to a folder, for a run that continues them; cells that the folder has are kept."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for cell in results["cells"]:
+        path = folder / f"{cell['problem']}-{cell['agent']}-{cell['seed']}.json"
+        if not path.exists():
+            row = cell | {"k_star": results["k_star"][cell["problem"]]}
+            write_text(path, json.dumps(plain(row)) + "\n")
+
+
 def merge(first: Row, *others: Row) -> Row:
     """Return results with the cells of others, for each problem and agent that the earlier ones lack."""
     cells = {(cell["problem"], cell["agent"], cell["seed"]): cell for cell in first["cells"]}

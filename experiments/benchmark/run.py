@@ -29,7 +29,7 @@ from experiments.benchmark.results import collect, write_results
 from experiments.benchmark.suite import AGENTS, PREREQUISITES, SEEDS, Cell, Suite
 from experiments.benchmark.tasks import own_tasks
 from experiments.files import SCHEMA, Row, plain, write_json
-from experiments.provenance import now
+from experiments.provenance import now, processor
 from experiments.recipes.plans import preparation
 from experiments.recipes.registry import EXPERTS, LEARNERS, prepare
 from experiments.recipes.run_spec import Budget, RunSpec, TrainedAgent
@@ -174,6 +174,7 @@ def training_row(cell: Cell, agent: TrainedAgent) -> Row:
         "configs": [{"kind": type(config).__name__} | asdict(config) for config in agent.configs],
         "date": now(),
         "versions": versions(),
+        "processor": processor(),
         "env_steps": agent.env_steps,
         "expert_labels": agent.expert_labels,
         "training_s": round(agent.training_s, 1),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -49,6 +50,10 @@ def benchmark(
     ] = None,
     trust: Trust = False,
     timeout: Timeout = 300.0,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="Results file of an earlier run of the suite, whose cells are kept.", show_default=False),
+    ] = None,
     jobs: Jobs = -1,
     backend: Backend = "loky",
     out: Annotated[Path, typer.Option(help="Folder of the results and the report.")] = USER_RESULTS,
@@ -60,6 +65,7 @@ def benchmark(
     result. The results are a table, a JSON and a CSV file, and a report page with plots and races.
     """
     from experiments.benchmark.leaderboard import Leaderboard, score_table
+    from experiments.benchmark.results import restore
     from experiments.benchmark.run import run
     from experiments.benchmark.suite import named_policies
     from experiments.report.page import write
@@ -71,6 +77,8 @@ def benchmark(
     suite, wanted = suite.with_own(only or ())
     folder = out / (FILES[name] + ("-quick" if quick else ""))
     check_output(out / "report.html")
+    if resume is not None:
+        restore(read_results(resume, suite.name), folder)
     with progress_bar(f"finished cells and plans are kept in {folder}; the same command continues") as bar:
         results = run(suite, folder, command=command_line(), bar=bar, only=wanted, jobs=jobs, backend=backend)
         work = bar.add_task("report", total=1, note="")
@@ -86,6 +94,18 @@ def benchmark(
     messages.print(f"results: {out.resolve()}\nreport: {page.resolve()}", soft_wrap=True)
     if any(cell.get("error") for cell in results["cells"]):
         raise typer.Exit(1)
+
+
+def read_results(path: Path, suite: str) -> Row:
+    """Return the results in a file; a ValueError for another file, and for those of another suite."""
+    try:
+        results: Row = json.loads(path.read_text(encoding="utf-8"))
+        found = results["suite"], results["cells"], results["k_star"]
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise ValueError(f"{path} is no results file of `flatquad benchmark`: {error!r}") from None
+    if found[0] != suite:
+        raise ValueError(f"{path} holds results of the suite {found[0]!r}, and this run is of {suite!r}")
+    return results
 
 
 def adapted_suite(name: str, policies: dict[str, Row], timeout: float, seeds: int | None, small: bool) -> Suite:

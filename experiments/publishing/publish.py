@@ -25,6 +25,7 @@ from experiments.publishing.paper import paper
 from experiments.publishing.policies import pretrained
 from experiments.publishing.scenarios import sheet, table, tracks
 from experiments.publishing.solvers import corridors, methods, optima
+from experiments.publishing.study import full
 from experiments.scoring import records
 from flatgym.files import write_text
 from flatgym.quadrotor import Quadrotor
@@ -35,6 +36,7 @@ from flatgym.scenarios.scenario import Hoop, Scenario, Tolerance
 FILES = (
     "benchmark.json",
     "benchmark.csv",
+    "benchmark-full.json",
     "paper.json",
     "solvers.json",
     "envs.json",
@@ -58,6 +60,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "chain-tracks": lambda: chain.tracks(published("solvers.json")),
     "proven": chain.proven,
     "environments": lambda: environments(published("envs.json")),
+    "full": lambda: full(published("benchmark-full.json")),
     "learners": lambda: learners(published("learners.json")),
     "trainings": lambda: trainings(published("trainings.json")),
     "pretrained": lambda: pretrained(PRETRAINED),

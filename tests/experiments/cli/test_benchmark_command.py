@@ -15,7 +15,7 @@ from experiments.benchmark import suite
 from experiments.benchmark.results import merge, select_problem
 from experiments.benchmark.suite import SUITES, Suite
 from experiments.cli import app
-from experiments.files import published
+from experiments.files import PUBLISHED, published
 from experiments.recipes.run_spec import SMOKE
 from tests.experiments.cli.shell import flatquad
 
@@ -111,6 +111,21 @@ def test_a_damaged_cell_is_named_moved_aside_and_repeated(folder, monkeypatch, c
     assert all(row["gap"] is None or row["gap_low"] <= row["gap"] <= row["gap_high"] for row in rows)
 
 
+def test_a_run_continues_the_cells_of_a_results_file(folder, monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(SUITES, "quick", SMALL)
+    before = json.loads((folder / "benchmark.json").read_text())
+    kept = [cell for cell in before["cells"] if cell["agent"] != "pd"]
+    (tmp_path / "earlier.json").write_text(json.dumps(before | {"cells": kept}))
+    status, _, err = flatquad(monkeypatch, capsys, "benchmark", "--resume", "earlier.json", "--out", ".", "--json")
+    assert status == 0, err
+    after = json.loads((tmp_path / "benchmark.json").read_text())
+    cells = {(cell["agent"], cell["seed"]): cell for cell in after["cells"]}
+    assert all(cells[cell["agent"], cell["seed"]] == cell for cell in kept if not cell.get("error"))
+    assert ("pd", 0) in cells
+    assert after["k_star"] == before["k_star"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -118,6 +133,8 @@ def test_a_damaged_cell_is_named_moved_aside_and_repeated(folder, monkeypatch, c
         (("--policy", "ppo=a:b"), "'ppo' cannot be a policy's name"),
         (("--policy", "mine=mine.zip"), "--trust"),
         (("--only", "hop"), "unknown cell 'hop'; known: hoop"),
+        (("--resume", "nowhere.json"), "nowhere.json is no results file of `flatquad benchmark`"),
+        (("--full", "--resume", str(PUBLISHED / "benchmark.json")), "of the suite 'quick', and this run is of 'full'"),
     ],
 )
 def test_bad_arguments_are_named(monkeypatch, capsys, tmp_path, arguments, words):

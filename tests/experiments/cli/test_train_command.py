@@ -56,7 +56,7 @@ def test_resuming_without_a_checkpoint_is_refused_at_once(monkeypatch, capsys, t
         (("hoop", "--resume", "--overwrite"), "give one of them"),
         (("hoop", "--algorithm", "pp"), "did you mean 'PPO'?"),
         (("hop",), "did you mean 'hoop'"),
-        (("hoop", "--algorithm", "dqn"), "known: PPO, SAC, TD3, TQC"),
+        (("hoop", "--algorithm", "a3c"), "known: PPO, SAC, TD3, TQC"),
         (("hoop", "--seconds", "-1"), "PPOConfig.max_seconds must be positive"),
         (("hoop", "--policy", "nowhere.zip"), "PPOConfig.policy must be a file"),
     ],
