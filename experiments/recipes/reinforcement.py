@@ -13,22 +13,36 @@ from experiments.recipes.run_spec import RunSpec, TrainedAgent
 
 DISTRIBUTION_WIDTH = 128
 """Units of the hidden layers of PPO on a distribution, twice as many as on a scenario."""
-TURNS = {
-    "climb": 1, "drop": -1, "high-hoop": 1, "slalom": 2, "loop": -1, "split-s": 1, "figure-eight": 1, "slalom-6": 3,
-    "zigzag-12": 4,
-}  # fmt: skip
-"""Whole turns of the tilt that flights must make in training; none on other tasks. See `agents.PPOConfig`."""
+GUIDED = (1, 3)
+"""Sizes of tasks (`RunSpec.size`) that PPO learns with guidance features: those with several hoops."""
+TUNED: dict[str, dict[str, Any]] = {
+    "horizontal-15": {"guidance": True},
+    "climb": {"turns": 1},
+    "drop": {"turns": -1},
+    "high-hoop": {"turns": 1},
+    "slalom": {"turns": 2},
+    "loop": {"turns": -1},
+    "split-s": {"turns": 1},
+    "figure-eight": {"turns": 1},
+    "slalom-6": {"turns": 3},
+    "zigzag-12": {"turns": 4},
+}
+"""Fields of PPO that differ on single tasks. The page on agents has what else was tried. On tracks the number of turns
+is that of the best flight that the solvers know; a sweep would need a training for each number."""
 TURNING_COST = 1.5
-"""Cost of a failed episode with `TURNS` [s]. With the default, `drop` prefers the failure of a flight without turns."""
+"""Cost of a failed episode where flights must turn [s]. At the default, `drop` prefers to fail without a turn."""
 
 
 def train_ppo(spec: RunSpec, name: str = "ppo", **values: Any) -> TrainedAgent:
     """Train PPO; `values` replace fields of its configuration, and `name` is that of the agent."""
     own: dict[str, Any] = {"max_seconds": spec.budget.ppo_s[spec.size], "env_steps": spec.budget.ppo_steps[spec.size]}
+    if spec.size in GUIDED:
+        own["guidance"] = True
     if spec.is_distribution:
         own["width"] = DISTRIBUTION_WIDTH
-    if spec.label in TURNS:
-        own |= {"turns": TURNS[spec.label], "failure_cost": TURNING_COST}
+    own |= TUNED.get(spec.label, {})
+    if "turns" in own:
+        own["failure_cost"] = TURNING_COST
     return train_or_resume(spec, PPOConfig(**common(spec, name) | own | values))
 
 
