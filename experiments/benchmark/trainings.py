@@ -19,13 +19,13 @@ import numpy as np
 from agents.evaluation.validation import best_of, validation_scenarios
 from agents.training.configs import Config, from_json
 from experiments.files import REPOSITORY_RESULTS, Row, cache_folder, published, read_json, write_json
-from experiments.provenance import provenance
+from experiments.provenance import processor, provenance
 from flatgym import SCENARIOS, reference
 from flatgym.scenarios import catalogue
 from optimal.batch import fewest_steps_many
 
 FILE = "trainings.json"
-NOT_CHANGES = ("scenario", "seed", "folder", "max_seconds", "tensorboard")
+NOT_CHANGES = ("scenario", "seed", "folder", "max_seconds", "tensorboard", "eval_every")
 """Fields of a configuration that are no part of a recipe."""
 
 
@@ -52,6 +52,7 @@ def training_record(folder: Path, beside_other_work: bool = False) -> Row:
         "env_steps": curve[-1]["env_steps"],
         "wall_time_s": curve[-1]["wall_time_s"],
         "beside_other_work": beside_other_work,
+        "processor": processor(),
     }
 
 

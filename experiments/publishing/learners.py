@@ -224,7 +224,10 @@ def study_provenance(results: Row) -> str:
 
 def trainings(results: Row) -> str:
     """Return the table of single trainings (`experiments.benchmark.trainings`), failures included."""
-    head = ["task", "algorithm", "changed", "seed", "success", "steps", "K*", "gap", "env steps", "wall time [s]"]
+    head = [
+        "task", "algorithm", "changed", "seed", "success", "steps", "K*", "gap", "env steps", "wall time [s]",
+        "processor",
+    ]  # fmt: skip
     note = (
         "Best validation of each training, on a distribution the mean steps of its validation episodes. All fields but "
         "those changed have their defaults. An asterisk marks times beside other work, which say nothing."
@@ -232,7 +235,7 @@ def trainings(results: Row) -> str:
     return "\n\n".join(
         [
             markdown(head, [training_line(row) for row in results["trainings"]]),
-            paragraph(f"{note} {provenance_sentence(results, PACKAGES)}"),
+            paragraph(f"{note} {provenance_sentence(results | {'processor': 'one core for each'}, PACKAGES)}"),
         ]
     )
 
@@ -251,4 +254,5 @@ def training_line(row: Row) -> list[str]:
         "-" if steps is None else percent(steps / k_star - 1, sign="+"),
         format_count(row["env_steps"]),
         f"{row['wall_time_s']:.0f}" + ("*" if row["beside_other_work"] else ""),
+        row["processor"],
     ]

@@ -13,10 +13,7 @@ from experiments.recipes.run_spec import RunSpec, TrainedAgent
 
 DISTRIBUTION_WIDTH = 128
 """Units of the hidden layers of PPO on a distribution, twice as many as on a scenario."""
-GUIDED = (1, 3)
-"""Sizes of tasks (`RunSpec.size`) that PPO learns with guidance features: those with several hoops."""
 TUNED: dict[str, dict[str, Any]] = {
-    "horizontal-15": {"guidance": True},
     "climb": {"turns": 1},
     "drop": {"turns": -1},
     "high-hoop": {"turns": 1},
@@ -36,8 +33,6 @@ TURNING_COST = 1.5
 def train_ppo(spec: RunSpec, name: str = "ppo", **values: Any) -> TrainedAgent:
     """Train PPO; `values` replace fields of its configuration, and `name` is that of the agent."""
     own: dict[str, Any] = {"max_seconds": spec.budget.ppo_s[spec.size], "env_steps": spec.budget.ppo_steps[spec.size]}
-    if spec.size in GUIDED:
-        own["guidance"] = True
     if spec.is_distribution:
         own["width"] = DISTRIBUTION_WIDTH
     own |= TUNED.get(spec.label, {})

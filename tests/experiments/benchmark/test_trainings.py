@@ -8,6 +8,7 @@ import pytest
 from agents.training.configs import PPOConfig, SACConfig
 from experiments.benchmark.trainings import add_records, changed, main, training_record
 from experiments.files import published
+from experiments.provenance import processor
 from experiments.publishing.learners import training_line, trainings
 
 POINT = {"env_steps": 10, "wall_time_s": 1.0, "outcome": "goal", "success_rate": 1.0, "steps": 77}
@@ -28,7 +29,7 @@ def test_a_record_states_the_best_validation_and_what_was_changed(folder):
     assert row["changed"] == {"width": 128, "bins": None}
     assert (row["steps"], row["k_star"], row["best_at"], row["env_steps"], row["seed"]) == (77, 70.0, 20, 30, 3)
     assert training_line(row) == [
-        "`hoop`", "PPO", "`width=128`, `bins=None`", "3", "100 %", "77", "70", "+10.0 %", "0.0 k", "1*",
+        "`hoop`", "PPO", "`width=128`, `bins=None`", "3", "100 %", "77", "70", "+10.0 %", "0.0 k", "1*", processor(),
     ]  # fmt: skip
 
 
