@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 
+from agents.evaluation.protocol import protocol_episodes
 from agents.evaluation.rollouts import fly
 from agents.evaluation.scores import score_episodes
 from agents.policies.policy import Policy
@@ -61,5 +62,6 @@ def episode_count(spec: RunSpec, agent: str, condition: str) -> int:
         return 1
     if agent == "mpc":
         return budget.mpc_episodes
-    planned = agent in ("expert", "open-loop")
-    return budget.nominal_episodes if condition == NOMINAL and not planned else budget.disturbed_episodes
+    if condition != NOMINAL or agent in ("expert", "open-loop"):  # which need a plan for each episode
+        return budget.disturbed_episodes
+    return min(budget.nominal_episodes, protocol_episodes(spec.target))

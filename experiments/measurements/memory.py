@@ -37,7 +37,7 @@ CASES: tuple[tuple[str, Callable[..., Candidate], tuple[str, ...]], ...] = (
 
 def memory(quick: bool, advance: Advance) -> list[Row]:
     """Does the resident memory grow over 10^8 steps? Largest growth after the first 10^6 steps."""
-    steps, warm_up, envs = (20_000, 4_000, 64) if quick else (STEPS, WARM_UP, ENVS)
+    steps, warm_up, envs = (4_000, 2_000, 64) if quick else (STEPS, WARM_UP, ENVS)
     marks = [warm_up, *(steps * share // 10 for share in range(1, 11))]
     rows: list[Row] = []
     for i, (mode, _, _) in enumerate(CASES):

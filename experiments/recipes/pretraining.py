@@ -20,6 +20,7 @@ from typing import Any
 import joblib
 
 from agents import policies
+from agents.evaluation.protocol import protocol_episodes
 from agents.evaluation.scores import evaluate
 from agents.evaluation.validation import Point
 from agents.imitation.cloning import untrained_policy
@@ -55,8 +56,6 @@ DISTRIBUTION_CONFIGS = {"random-goal": RANDOM_GOAL, "random-hoops": THROUGH_HOOP
 """Training configurations of the distributions."""
 N_FLIGHTS = {"random-goal": 2600, "random-hoops": 3000, "random-track": 1500}
 """Numbers of optimal flights to start from."""
-N_EPISODES = {"random-goal": 1000, "random-hoops": 300, "random-track": 100}
-"""Numbers of evaluation episodes, unseen in training and of known K*."""
 STORE = USER_RESULTS / "flights"
 """Folder of the optimal flights of sampled scenarios."""
 Card = dict[str, Any]
@@ -141,7 +140,7 @@ def pretrain_distribution(
         model = dagger(untrained_policy(config), oracle, config, best)
     training_s = time.perf_counter() - began
     policies.save(rounded(model), out / f"{name}.zip", name)
-    score = score_row(model, name, N_EPISODES[name], best, training_s, command)
+    score = score_row(model, name, protocol_episodes(name), best, training_s, command)
     cost = {"planning_s": round(planned - began, 1), "flights": len(flights), "planned_before": stored}
     return write_card(out / f"{name}.json", seed, command, [config], best.curve, score, **cost)
 

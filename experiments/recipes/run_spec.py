@@ -40,7 +40,7 @@ class Budget:
         round_replans: episodes of a DAgger round on a distribution that are labelled by new optimal plans.
         dagger_s: wall time after which no DAgger round begins [s].
         n_eval_episodes: validation episodes on a distribution.
-        nominal_episodes: episodes of a policy on a distribution, without disturbances.
+        nominal_episodes: most episodes of a policy on a distribution, without disturbances.
         disturbed_episodes: episodes under each disturbance, and of agents that need a plan for every episode.
         mpc_episodes: episodes of MPC, which takes seconds each.
     """

@@ -18,7 +18,7 @@ def brief(monkeypatch, tmp_path):
     monkeypatch.setattr(pretraining, "STAGES", ((stage, 0.05), (replace(stage, gradient_steps=10), 0.02)))
     monkeypatch.setattr(pretraining, "STORE", tmp_path / "flights")
     monkeypatch.setattr(pretraining, "N_FLIGHTS", {"random-goal": 4})
-    monkeypatch.setattr(pretraining, "N_EPISODES", {"random-goal": 3})
+    monkeypatch.setattr(pretraining, "protocol_episodes", lambda _: 3)
     small = replace(
         pretraining.DISTRIBUTION_CONFIGS["random-goal"],
         width=16,
