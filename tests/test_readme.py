@@ -145,7 +145,7 @@ def test_files_that_a_page_links_to_are_there(name):
         assert link in generated or (PAGES[name].parent / link).stat().st_size > 100, link
 
 
-@pytest.mark.parametrize("name", ["benchmark.json", "learners.json"])
+@pytest.mark.parametrize("name", ["benchmark.json", "benchmark-full.json", "learners.json"])
 def test_published_flights_replay_to_their_scores(name):
     for cell in json.loads((files.PUBLISHED / name).read_text(encoding="utf-8"))["cells"]:
         if "actions" not in cell:

@@ -231,7 +231,7 @@ class DQNConfig(OffPolicyConfig):
     algorithm: ClassVar[str] = "DQN"
 
     folder: str = "runs/dqn"
-    env_steps: Count = 2_000_000
+    env_steps: Count = 1_000_000
     width: Count = 128
     batch_size: Count = 512
     n_steps: Count = 10

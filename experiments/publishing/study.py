@@ -35,7 +35,7 @@ def full(results: Row) -> str:
     wanted = SUITES["full"].cells()
     done = {(cell["problem"], cell["agent"], cell["seed"]) for cell in results["cells"]}
     left = sum((cell.problem, cell.agent, cell.seed) not in done for cell in wanted)
-    hours = sum(cell.get("training_s", 0.0) for cell in results["cells"]) / 3600
+    hours = sum(cell.get("training_s", 0.0) for cell in results["cells"] if cell["agent"] in LEARNERS) / 3600
     state = f"{left} of {len(wanted)} cells are not run yet and have dashes. " if left else ""
     note = (
         f"Gap to K*, the interquartile mean over the successes of {SEEDS} seeds, or of as many as are named; then the "
@@ -70,7 +70,8 @@ def by_reward(results: Row) -> str:
             cells = sorted(cells_of(results, problem, agent), key=lambda cell: int(cell["seed"]))
             if cells and not any(cell.get("error") for cell in cells):
                 rows.append(reward_line(problem, agent, cells, results["validation_k_star"][problem]))
-    source = provenance_sentence(results, PACKAGES, dates=[cell["date"] for cell in results["cells"]])
+    dates = [cell["date"] for cell in results["cells"]]
+    source = provenance_sentence(results, PACKAGES, command="flatquad benchmark --full", dates=dates)
     note = (
         "By reward alone: the best validation of each seed, on a distribution the mean steps of its validation "
         "episodes; medians over seeds."
