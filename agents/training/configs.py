@@ -116,8 +116,6 @@ class PPOConfig(Config):
     rollout_field: ClassVar[str] = "n_steps"
 
     folder: str = "runs/ppo"
-    guidance: bool = True
-    """Whether guidance features replace the time in the observations; see `agents.policies.guidance`."""
     n_steps: Count = 64
     """Steps of each vehicle between two updates (a rollout)."""
     n_epochs: Count = 6
@@ -131,7 +129,7 @@ class PPOConfig(Config):
     """Largest learning rate."""
     target_kl: Positive = 0.03
     """Initial target of the Kullback-Leibler divergence of an update; it falls linearly."""
-    target_kl_end: Share = 0.1
+    target_kl_end: Share = 0.02
     """Share of the initial target at the end of the training."""
     gae_lambda: Share = 0.95
     """Lambda of generalised advantage estimation."""

@@ -36,8 +36,6 @@ WORK_NOTE = (
     f"time: the median over seeds, of validations with {percent(TARGET_SUCCESS, 0)} success, a dash where half of the "
     "seeds have none; the least are bold."
 )
-EARLIER_DEFAULTS = {"guidance": False, "target_kl_end": 0.02}
-"""Fields of PPO that had other defaults in earlier trainings, which the table calls "earlier defaults"."""
 PACKAGES = ("flatgym", "stable-baselines3", "torch")
 """Packages whose versions are stated."""
 
@@ -230,22 +228,14 @@ def trainings(results: Row) -> str:
         "task", "algorithm", "changed", "seed", "success", "steps", "K*", "gap", "env steps", "wall time [s]",
         "processor",
     ]  # fmt: skip
-    earlier = ", ".join(f"`{name}={value}`" for name, value in EARLIER_DEFAULTS.items())
     note = (
         "Best validation of each training, on a distribution the mean steps of its validation episodes. All fields but "
-        f"those changed have their defaults; the earlier defaults were {earlier}. Each training had one core. An "
-        "asterisk marks times beside other work, which say nothing."
+        "those changed have their defaults. Each training had one core; an asterisk marks times beside other work, "
+        "which say nothing."
     )
     source = provenance_sentence(results | {"machine": {}}, PACKAGES)  # each row states its processor
     lines = [training_line(row) for row in results["trainings"]]
     return "\n\n".join([markdown(head, lines), paragraph(f"{note} {source}")])
-
-
-def changes(changed: Row) -> str:
-    """Return the changed fields of a training; the earlier defaults by that name."""
-    earlier = changed.items() >= EARLIER_DEFAULTS.items()
-    fields = [f"`{name}={value}`" for name, value in changed.items() if not (earlier and name in EARLIER_DEFAULTS)]
-    return ", ".join(["earlier defaults"] * earlier + fields) or "-"
 
 
 def training_line(row: Row) -> list[str]:
@@ -254,7 +244,7 @@ def training_line(row: Row) -> list[str]:
     return [
         f"`{row['problem']}`",
         row["algorithm"],
-        changes(row["changed"]),
+        ", ".join(f"`{name}={value}`" for name, value in row["changed"].items()) or "-",
         str(row["seed"]),
         format_percent(row["success_rate"]),
         "-" if steps is None else f"{steps:.4g}",

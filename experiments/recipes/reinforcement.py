@@ -14,6 +14,7 @@ from experiments.recipes.run_spec import RunSpec, TrainedAgent
 DISTRIBUTION_WIDTH = 128
 """Units of the hidden layers of PPO on a distribution, twice as many as on a scenario."""
 TUNED: dict[str, dict[str, Any]] = {
+    "horizontal-15": {"guidance": True},
     "climb": {"turns": 1},
     "drop": {"turns": -1},
     "high-hoop": {"turns": 1},
