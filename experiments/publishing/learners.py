@@ -26,7 +26,7 @@ from experiments.benchmark.summary import (
 )
 from experiments.benchmark.work import SAMPLES, SECONDS, gaps_by_work
 from experiments.files import Row
-from experiments.formats import format_percent, percent
+from experiments.formats import percent
 from experiments.provenance import provenance_sentence
 from experiments.publishing.learner_figure import PICTURE
 from experiments.publishing.markdown import markdown, paragraph
@@ -220,37 +220,3 @@ def study_provenance(results: Row) -> str:
     dates = [results["date"], min(cell["date"] for cell in results["cells"])]
     sentence = provenance_sentence(results, PACKAGES, command=command, dates=dates)
     return f"{sentence} For a single agent add `--only hoop/dagger`."
-
-
-def trainings(results: Row) -> str:
-    """Return the table of single trainings (`experiments.benchmark.trainings`), failures included."""
-    head = [
-        "task", "algorithm", "changed", "seed", "success", "steps", "K*", "gap", "env steps", "wall time [s]",
-        "processor",
-    ]  # fmt: skip
-    note = (
-        "Best validation of each training, on a distribution the mean steps of its validation episodes. All fields but "
-        "those changed have their defaults. Each training had one core; an asterisk marks times beside other work, "
-        "which say nothing."
-    )
-    source = provenance_sentence(results | {"machine": {}}, PACKAGES)  # each row states its processor
-    lines = [training_line(row) for row in results["trainings"]]
-    return "\n\n".join([markdown(head, lines), paragraph(f"{note} {source}")])
-
-
-def training_line(row: Row) -> list[str]:
-    """Return the line of a training."""
-    steps, k_star = row["steps"], row["k_star"]
-    return [
-        f"`{row['problem']}`",
-        row["algorithm"],
-        ", ".join(f"`{name}={value}`" for name, value in row["changed"].items()) or "-",
-        str(row["seed"]),
-        format_percent(row["success_rate"]),
-        "-" if steps is None else f"{steps:.4g}",
-        f"{k_star:.4g}",
-        "-" if steps is None else percent(steps / k_star - 1, sign="+"),
-        format_count(row["env_steps"]),
-        f"{row['wall_time_s']:.0f}" + ("*" if row["beside_other_work"] else ""),
-        row["processor"],
-    ]

@@ -1,4 +1,4 @@
-"""The tables of the full benchmark (`benchmark-full.json`): gaps of all agents, and the trainings by reward alone."""
+"""The tables of the full benchmark (`benchmark-full.json`), and of trainings by reward (there, and `trainings.json`)."""
 
 from __future__ import annotations
 
@@ -107,3 +107,37 @@ def ordered(problems: Sequence[str]) -> list[str]:
     """Return the tasks in the order of the catalogue, distributions last."""
     names = list(SCENARIOS)
     return sorted(problems, key=lambda name: (names.index(name) if name in names else len(names), name))
+
+
+def trainings(results: Row) -> str:
+    """Return the table of single trainings (`experiments.benchmark.trainings`), failures included."""
+    head = [
+        "task", "algorithm", "changed", "seed", "success", "steps", "K*", "gap", "env steps", "wall time [s]",
+        "processor",
+    ]  # fmt: skip
+    note = (
+        "Best validation of each training, on a distribution the mean steps of its validation episodes. All fields but "
+        "those changed have their defaults. Each training had one core; an asterisk marks times beside other work, "
+        "which say nothing."
+    )
+    source = provenance_sentence(results | {"machine": {}}, PACKAGES)  # each row states its processor
+    lines = [training_line(row) for row in results["trainings"]]
+    return "\n\n".join([markdown(head, lines), paragraph(f"{note} {source}")])
+
+
+def training_line(row: Row) -> list[str]:
+    """Return the line of a training."""
+    steps, k_star = row["steps"], row["k_star"]
+    return [
+        f"`{row['problem']}`",
+        row["algorithm"],
+        ", ".join(f"`{name}={value}`" for name, value in row["changed"].items()) or "-",
+        str(row["seed"]),
+        format_percent(row["success_rate"]),
+        "-" if steps is None else f"{steps:.4g}",
+        f"{k_star:.4g}",
+        "-" if steps is None else percent(steps / k_star - 1, sign="+"),
+        format_count(row["env_steps"]),
+        f"{row['wall_time_s']:.0f}" + ("*" if row["beside_other_work"] else ""),
+        row["processor"],
+    ]

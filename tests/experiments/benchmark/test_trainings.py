@@ -9,7 +9,7 @@ from agents.training.configs import PPOConfig, SACConfig
 from experiments.benchmark.trainings import add_records, changed, main, training_record
 from experiments.files import published
 from experiments.provenance import processor
-from experiments.publishing.learners import training_line, trainings
+from experiments.publishing.study import training_line, trainings
 
 POINT = {"env_steps": 10, "wall_time_s": 1.0, "outcome": "goal", "success_rate": 1.0, "steps": 77}
 
