@@ -26,7 +26,7 @@ ALGORITHMS = {
     "DQN": "stable_baselines3",
     "QRDQN": "sb3_contrib",
 }
-"""Package of each algorithm; the last two have numbered actions, see `agents.policies.levels`."""
+"""Package of each algorithm; the last two have numbered actions, see `flatgym.envs.levels`."""
 SETTINGS = (
     ("TQC", {"top_quantiles_to_drop_per_net"}),
     ("TRPO", {"cg_damping"}),

@@ -18,7 +18,7 @@ from gymnasium.spaces import Box, Space
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import data_to_json
 
-from agents.policies.levels import Levels
+from flatgym.envs.levels import Levels
 
 TRANSIENT = (
     "_last_obs",

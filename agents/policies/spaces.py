@@ -16,8 +16,8 @@ import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
-from agents.policies.levels import Levels
 from agents.policies.policy import Policy
+from flatgym.envs.levels import Levels
 from flatgym.envs.spaces import action_space, observation_space
 from flatgym.task.observation import OBSERVATIONS
 
@@ -105,7 +105,7 @@ def check_actions(space: Any, exact: bool = False) -> None:
         raise ValueError(
             f"it has an action_space of shape {getattr(space, 'shape', None)}, {space}, but FlatQuad-v0 one of shape "
             f"{wanted.shape}, {wanted}; train it in FlatQuad-v0, for discrete actions with those numbered by "
-            "agents.policies.levels, or pass an object whose predict() converts actions"
+            "flatgym.envs.levels, or pass an object whose predict() converts actions"
         )
 
 

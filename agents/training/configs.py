@@ -221,7 +221,7 @@ class CrossQConfig(SoftConfig):
 
 @dataclass(frozen=True)
 class DQNConfig(OffPolicyConfig):
-    """Deep Q-network (Mnih et al. 2015) over numbered actions, see `agents.policies.levels`.
+    """Deep Q-network (Mnih et al. 2015) over numbered actions, see `flatgym.envs.levels`.
 
     Exploration has a constant rate, because most episodes start near the goal. The learning rate falls linearly.
     """

@@ -21,7 +21,6 @@ from agents import policies
 from agents.policies.algorithms import algorithm
 from agents.policies.categorical import CategoricalPolicy
 from agents.policies.guidance import Guidance
-from agents.policies.levels import Levels, NumberedActions
 from agents.policies.networks import ScaledObservations, network
 from agents.training.configs import (
     Config,
@@ -35,7 +34,8 @@ from agents.training.configs import (
     TQCConfig,
 )
 from agents.training.curriculum import FailureCost, curriculum
-from agents.training.vec_env import make_vec_env
+from agents.training.vec_env import NumberedActions, make_vec_env
+from flatgym.envs.levels import Levels
 
 
 @overload

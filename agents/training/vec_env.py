@@ -15,9 +15,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
+from flatgym.envs.levels import Levels
 from flatgym.envs.resetting import check_options
 from flatgym.envs.vector import INFO_KEYS, FlatQuadVectorEnv
 from flatgym.rendering.recorder import EpisodeRecorder
@@ -190,6 +191,26 @@ class FlatQuadVecEnv(VecEnv):
     def _all(self, indices: VecEnvIndices) -> None:
         if len(self._rows(indices)) != self.num_envs:
             raise ValueError(f"the {self.num_envs} vehicles share one environment; indices={indices} would split them")
+
+
+class NumberedActions(VecEnvWrapper):
+    """A VecEnv whose actions are numbers of `flatgym.envs.levels.Levels`, for `DQN("MlpPolicy", ...)`."""
+
+    def __init__(self, venv: VecEnv, levels: Levels) -> None:
+        super().__init__(venv, action_space=levels)
+        self.levels = levels
+
+    def reset(self) -> Any:
+        """Reset all episodes."""
+        return self.venv.reset()
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Start a step with numbers, shape (n,)."""
+        self.venv.step_async(self.levels.actions(actions))
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """End the step."""
+        return self.venv.step_wait()
 
 
 def make_vec_env(

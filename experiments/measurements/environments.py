@@ -29,8 +29,8 @@ from agents.training.threads import torch_threads
 from experiments.files import Row
 from experiments.measurements.interleaved import Candidate, batch, interleaved, ratio, single
 from experiments.measurements.libraries.agreement import agreement
+from experiments.measurements.libraries.memory import memory
 from experiments.measurements.libraries.speed import libraries
-from experiments.measurements.memory import memory
 from experiments.measurements.sections import Advance, Section, fresh_process, median
 from flatgym import SCENARIOS
 

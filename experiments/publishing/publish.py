@@ -18,14 +18,13 @@ from experiments import corridor_figure
 from experiments.files import PUBLISHED, REPOSITORY_RESULTS, ROOT, published
 from experiments.publishing import chain, learner_figure, pictures
 from experiments.publishing.defaults import defaults
-from experiments.publishing.demonstrations import demos
 from experiments.publishing.environments import environments
 from experiments.publishing.learners import learners, scores
-from experiments.publishing.paper import paper
 from experiments.publishing.policies import pretrained
 from experiments.publishing.scenarios import sheet, table, tracks
 from experiments.publishing.solvers import corridors, methods, optima
 from experiments.publishing.study import full, trainings
+from experiments.publishing.tables import demos, paper
 from experiments.scoring import records
 from flatgym.files import write_text
 from flatgym.quadrotor import Quadrotor

@@ -1,6 +1,6 @@
 """The solvers' tables, from `solvers.json`: best-known solutions with their bounds, and answers on the methods.
 
-The environments' table is in `experiments.publishing.environments`, the paper's in `experiments.publishing.paper`.
+The environments' table is in `experiments.publishing.environments`, the paper's in `experiments.publishing.tables`.
 """
 
 from __future__ import annotations

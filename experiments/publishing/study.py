@@ -1,4 +1,4 @@
-"""The tables of the full benchmark (`benchmark-full.json`), and of trainings by reward (there, and `trainings.json`)."""
+"""The tables of the full benchmark (`benchmark-full.json`) and of single trainings by reward (`trainings.json`)."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from agents import fly, policies
 from agents.policies.adapters import load_policy
 from agents.policies.algorithms import ALGORITHMS, algorithm, recognise
-from agents.policies.levels import Levels, NumberedActions
-from agents.training.vec_env import make_vec_env
+from agents.training.vec_env import NumberedActions, make_vec_env
+from flatgym.envs.levels import Levels
 
 ON_POLICY = {"n_steps": 8, "batch_size": 8}
 OFF_POLICY = {"buffer_size": 200, "learning_starts": 8}

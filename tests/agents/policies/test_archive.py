@@ -211,7 +211,7 @@ def test_numbered_actions_need_levels(tmp_path):
     env = gym.make("FlatQuad-v0")
     env = gym.wrappers.TransformAction(env, lambda _: env.action_space.sample(), gym.spaces.Discrete(6))
     DQN("MlpPolicy", env, buffer_size=10, device="cpu").save(tmp_path / "dqn.zip")
-    with pytest.raises(ValueError, match=r"dqn.zip does not fit.*Discrete\(6\).*numbered by agents.policies.levels"):
+    with pytest.raises(ValueError, match=r"dqn.zip does not fit.*Discrete\(6\).*numbered by flatgym.envs.levels"):
         policies.load(tmp_path / "dqn.zip", trust=True)
 
 

@@ -13,7 +13,7 @@ from experiments.paper.comparison import COLUMNS, compare
 from experiments.paper.initialisation import INITIALISATION_COLUMNS, initialisation_study
 from experiments.paper.printed import PONTRYAGIN, PRINTED
 from experiments.paper.verdicts import VERDICT_COLUMNS, check_printed_time
-from experiments.publishing.paper import paper as paper_blocks
+from experiments.publishing.tables import paper as paper_blocks
 from flatgym import SCENARIOS
 from optimal.direct.shooting import solve_winding
 

@@ -10,10 +10,10 @@ from experiments.benchmark.agents import NAMES
 from experiments.benchmark.formats import format_count
 from experiments.benchmark.summary import episode_table, samples_to_target, summarise
 from experiments.formats import format_percent
-from experiments.publishing.demonstrations import demos
 from experiments.publishing.learner_figure import picture
 from experiments.publishing.learners import learners, median_samples
 from experiments.publishing.policies import current_configs, pretrained, score_cells
+from experiments.publishing.tables import demos
 
 CONDITIONS = {"nominal": {}, "wind": {"wind": 0.5}, "delay": {"action_delay": 1}, "combined": {"mass": 0.025}}
 K_STAR = {"hoop": [70, 70, 70, 70], "random-goal": [50, 60, 70, 80]}

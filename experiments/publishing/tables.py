@@ -1,12 +1,16 @@
-"""The table of the demonstrations, from `demos.json`: recording speed, quality, and replays."""
+"""The tables of the paper, from `paper.json`, and of the demonstrations, from `demos.json`."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from experiments.files import Row
 from experiments.formats import format_percent
+from experiments.paper.tables import paper_tables
 from experiments.provenance import provenance_sentence
 from experiments.publishing.markdown import markdown, paragraph
 
+FIGURE = "![Printed and certified times against the proven bound](experiments/results/published/verdicts.svg)"
 HEAD = ["section", "flights", "flights/s", "K* proven", "mean steps", "replayed to goal", "kB per flight"]
 
 
@@ -33,3 +37,12 @@ def demos(results: Row) -> str:
         "everything up to the dataset on disk. K* is proven only if a time budget for proofs is given."
     )
     return markdown(HEAD, rows) + "\n\n" + paragraph(text)
+
+
+def paper(results: dict[str, Any]) -> str:
+    """Return the tables of the paper's times, of the verdicts on them, and of the initialisation study."""
+    parts = []
+    for name, table in paper_tables(results).items():
+        parts += [f"**{table.title}**", markdown(table.head, table.rows), paragraph(table.note)]
+        parts += [FIGURE] if name == "verdicts" else []
+    return "\n\n".join(parts)

@@ -2,9 +2,9 @@
 
 import mmap
 
-from experiments.measurements import memory
 from experiments.measurements.interleaved import Candidate
-from experiments.measurements.memory import resident, resident_at
+from experiments.measurements.libraries import memory
+from experiments.measurements.libraries.memory import resident, resident_at
 
 
 def test_a_leak_is_found():

@@ -8,8 +8,8 @@ import pytest
 from stable_baselines3 import DQN
 
 from agents import evaluate, fly, policies
-from agents.policies.levels import Levels, NumberedActions
-from agents.training.vec_env import make_vec_env
+from agents.training.vec_env import NumberedActions, make_vec_env
+from flatgym.envs.levels import Levels
 
 
 @pytest.mark.parametrize("bins", [(2, 3), (3, 21), (2, 4)])
