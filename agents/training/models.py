@@ -66,7 +66,7 @@ def build(config: Config) -> BaseAlgorithm:
         vec_env = NumberedActions(vec_env, Levels(config.bins))
         if start is None:
             arguments["net_arch"] = arguments["net_arch"]["qf"]  # there is no actor
-            del arguments["activation_fn"]  # with ELU the values of DQN diverge late in the training
+            del arguments["activation_fn"]  # ReLU, as in the paper of DQN
             if isinstance(config, QRDQNConfig):
                 arguments["n_quantiles"] = config.n_quantiles
     model = kind(
