@@ -28,7 +28,7 @@ TUNED: dict[str, dict[str, Any]] = {
 """Fields of PPO that differ on single tasks. The page on agents has what else was tried. On tracks the number of turns
 is that of the best flight that the solvers know; a sweep would need a training for each number."""
 TURNING_COST = 1.5
-"""Cost of a failed episode where flights must turn [s]. At the default, `drop` prefers to fail without a turn."""
+"""Cost of a failed episode where flights must turn [s]. At the default, failing without a turn costs too little."""
 
 
 def train_ppo(spec: RunSpec, name: str = "ppo", **values: Any) -> TrainedAgent:
