@@ -1,9 +1,11 @@
 """Provenance of results, and results files that cannot be read."""
 
 import json
+from importlib.metadata import version
 
 import pytest
 
+from agents.evaluation import versions
 from experiments import provenance as module
 from experiments.files import SCHEMA, read_json, write_json
 from experiments.provenance import commit, processor, provenance
@@ -44,3 +46,9 @@ def test_an_unreadable_file_is_moved_aside_and_named(tmp_path, capsys, text):
         assert not path.exists()
         assert (tmp_path / f"cell.json.set-aside{number}").read_text() == text
         assert f"moved aside to cell.json.set-aside{number}" in capsys.readouterr().err
+
+
+def test_packages_of_extras_are_recorded_where_they_are_installed(monkeypatch):
+    assert versions.versions()["jax"] == version("jax")
+    monkeypatch.setattr(versions, "OPTIONAL", ("no-such-package",))
+    assert set(versions.versions()) == {"python", *versions.PACKAGES}
