@@ -233,9 +233,7 @@ class DQNConfig(OffPolicyConfig):
     width: Count = 128
     batch_size: Count = 512
     n_steps: Count = 10
-    """Steps of the n-step return. With 1 the value of the goal spreads by one step of an episode in each update."""
     buffer_size: Count = 400_000
-    """Capacity of the replay buffer [steps]."""
     bins: Levels = (2, 11)
     """Levels of thrust and rate; each combination is an action."""
     learning_rate_end: Share = 0.05

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from experiments.benchmark.conditions import CONDITIONS
-from experiments.benchmark.suite import SMOKE_SUITE, Suite
+from experiments.benchmark.suite import SMOKE_SUITE, Suite, cell_path
 from experiments.files import Row, plain
 from experiments.provenance import provenance
 from flatgym.files import write_text
@@ -61,7 +61,7 @@ def restore(results: Row, folder: Path) -> None:
     """Write the cells of results to a folder, for a run that continues them; cells that the folder has are kept."""
     folder.mkdir(parents=True, exist_ok=True)
     for cell in results["cells"]:
-        path = folder / f"{cell['problem']}-{cell['agent']}-{cell['seed']}.json"
+        path = cell_path(folder, cell["problem"], cell["agent"], cell["seed"])
         if not path.exists():
             row = cell | {"k_star": results["k_star"][cell["problem"]]}
             write_text(path, json.dumps(plain(row)) + "\n")

@@ -118,11 +118,16 @@ class Cell:
 
     def path(self, folder: Path) -> Path:
         """Return the path of its file."""
-        return folder / f"{self.label}-{self.agent}-{self.seed}.json"
+        return cell_path(folder, self.label, self.agent, self.seed)
 
     def read(self, folder: Path) -> Row | None:
         """Return the content of its file; None where there is no readable file."""
         return read_json(self.path(folder))
+
+
+def cell_path(folder: Path, label: str, agent: str, seed: int) -> Path:
+    """Return the path of a cell's file, by the label of its problem."""
+    return folder / f"{label}-{agent}-{seed}.json"
 
 
 def all_agents(problems: Iterable[str]) -> dict[str, tuple[str, ...]]:

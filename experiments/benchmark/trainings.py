@@ -77,14 +77,14 @@ def add_records(results: Row | None, records: Sequence[Row], command: str) -> Ro
     """Return results with further records, in the order of the catalogue; one of the same recipe is replaced."""
     known = {recipe(record): record for record in (results or {}).get("trainings", [])}
     known |= {recipe(record): record for record in records}
-    order = list(SCENARIOS)
-    rows = sorted(
-        known.values(),
-        key=lambda row: (
-            order.index(row["problem"]) if row["problem"] in order else len(order), row["problem"], row["algorithm"]
-        ),
-    )  # fmt: skip
+    rows = sorted(known.values(), key=lambda row: (position(row["problem"]), row["problem"], row["algorithm"]))
     return provenance(command) | {"trainings": rows}
+
+
+def position(problem: str) -> int:
+    """Return the position of a task in the tables: that in the catalogue, all others last."""
+    names = list(SCENARIOS)
+    return names.index(problem) if problem in names else len(names)
 
 
 def recipe(record: Row) -> tuple[str, ...]:

@@ -11,12 +11,12 @@ from experiments.benchmark.conditions import NOMINAL
 from experiments.benchmark.formats import format_count, format_gap, format_success
 from experiments.benchmark.suite import SEEDS, SUITES
 from experiments.benchmark.summary import Scores, cells_of, summarise
+from experiments.benchmark.trainings import position
 from experiments.files import Row
 from experiments.formats import format_percent, percent
 from experiments.provenance import provenance_sentence
 from experiments.publishing.markdown import markdown, paragraph
 from experiments.recipes.registry import LEARNERS
-from flatgym import SCENARIOS
 
 BY_REWARD = ("ppo", "dqn", "qrdqn", "sac", "td3", "tqc", "crossq", "ppo-gaussian")
 """Agents that learn by reward alone, in the order of the table."""
@@ -105,8 +105,7 @@ def over(steps: float, k_star: float) -> str:
 
 def ordered(problems: Sequence[str]) -> list[str]:
     """Return the tasks in the order of the catalogue, distributions last."""
-    names = list(SCENARIOS)
-    return sorted(problems, key=lambda name: (names.index(name) if name in names else len(names), name))
+    return sorted(problems, key=lambda name: (position(name), name))
 
 
 def trainings(results: Row) -> str:
