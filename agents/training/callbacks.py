@@ -19,7 +19,7 @@ from stable_baselines3.common.utils import ConstantSchedule
 
 from agents import policies
 from agents.evaluation.validation import Point, Validation
-from agents.training.configs import Config, DQNConfig, PPOConfig
+from agents.training.configs import Config, OffPolicyConfig, PPOConfig
 from agents.training.curriculum import curriculum
 from agents.training.progress import Progress, curve_file, model_file
 
@@ -104,7 +104,7 @@ class TrainingCallback(BaseCallback):
         self.curriculum.apply(environments, done)
         first, last = self.config.gamma, self.config.gamma_end
         self.set_gamma(first + (last - first) * min(1.0, done / GAMMA_SHARE))
-        if isinstance(self.config, DQNConfig):
+        if isinstance(self.config, OffPolicyConfig):
             rate = 1 - (1 - self.config.learning_rate_end) * done
             self.model.lr_schedule = ConstantSchedule(self.config.learning_rate * rate)
 

@@ -163,6 +163,8 @@ class OffPolicyConfig(Config):
     """Capacity of the replay buffer [steps]."""
     learning_starts: Natural = 10_000
     """Random environment steps before the first update; none with a policy to start from."""
+    learning_rate_end: Share = 1.0
+    """Share of the initial learning rate at the end of the training; it falls linearly."""
 
 
 @dataclass(frozen=True)
@@ -223,7 +225,7 @@ class CrossQConfig(SoftConfig):
 class DQNConfig(OffPolicyConfig):
     """Deep Q-network (Mnih et al. 2015) over numbered actions, see `flatgym.envs.levels`.
 
-    Exploration has a constant rate, because most episodes start near the goal. The learning rate falls linearly.
+    Exploration has a constant rate, because most episodes start near the goal.
     """
 
     algorithm: ClassVar[str] = "DQN"
@@ -237,7 +239,6 @@ class DQNConfig(OffPolicyConfig):
     bins: Levels = (2, 11)
     """Levels of thrust and rate; each combination is an action."""
     learning_rate_end: Share = 0.05
-    """Share of the initial learning rate at the end of the training."""
     exploration_rate: Share = 0.05
     """Share of steps with random actions."""
     target_update_interval: Count = 2_000

@@ -27,6 +27,7 @@ from agents.policies.fingerprint import fingerprint
 from experiments.benchmark.conditions import fly_conditions
 from experiments.benchmark.results import collect, write_results
 from experiments.benchmark.suite import AGENTS, PREREQUISITES, SEEDS, Cell, Suite
+from experiments.benchmark.summary import milestones
 from experiments.benchmark.tasks import own_tasks
 from experiments.files import SCHEMA, Row, plain, write_json
 from experiments.provenance import now, processor
@@ -180,5 +181,5 @@ def training_row(cell: Cell, agent: TrainedAgent) -> Row:
         "training_s": round(agent.training_s, 1),
         "planning_s": round(agent.planning_s, 2),
         "fingerprint": agent.fingerprint,
-        "curve": list(agent.curve),
+        "curve": milestones(agent.curve),
     }

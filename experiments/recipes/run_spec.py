@@ -124,7 +124,7 @@ class RunSpec:
     def size(self) -> int:
         """The index into the four budgets of PPO, by kind of task and number of hoops."""
         if isinstance(self.target, Distribution):
-            return 3 if len(self.target.scenario(0).hoops) else 2
+            return 3 if max(self.target.hoops) else 2
         return 1 if len(self.target.hoops) > 1 else 0
 
     @cached_property

@@ -4,6 +4,8 @@ from math import inf
 
 import pytest
 
+from agents.evaluation.validation import best_of
+from experiments.benchmark.summary import milestones, samples_to_target
 from experiments.benchmark.work import SAMPLES, SECONDS, gap_within, gaps_by_work, median_gap
 
 
@@ -37,3 +39,16 @@ def test_more_work_never_widens_the_gap(cell):
 def test_half_of_the_runs_must_succeed():
     assert median_gap([FAST, SLOW, NEVER], 60, "samples", 1e7) == pytest.approx(0.4)
     assert median_gap([FAST, NEVER, NEVER], 60, "samples", 1e7) == inf
+
+
+@pytest.mark.parametrize("cell", [FAST, SLOW, NEVER])
+def test_milestones_keep_every_statistic(cell):
+    repeated = [dict(point) for point in cell["curve"] for _ in range(3)]
+    dense = {"curve": run((1e3, 0, 1, 0.0, 90))["curve"] + repeated}
+    kept = {"curve": milestones(dense["curve"])}
+    assert len(kept["curve"]) < len(dense["curve"])
+    assert gaps_by_work([kept], 60) == gaps_by_work([dense], 60)
+    assert best_of(kept["curve"]) == best_of(dense["curve"])
+    assert kept["curve"][-1] == dense["curve"][-1]
+    assert samples_to_target(kept, 70) == pytest.approx(samples_to_target(dense, 70), nan_ok=True)
+    assert milestones(kept["curve"]) == kept["curve"]
