@@ -20,9 +20,9 @@ SECONDS = (60.0, 250.0, 900.0)
 """Training times at which learners are compared [s]."""
 
 
-def samples(point: Point) -> float:
-    """Return the samples of a validation point: environment steps and expert labels."""
-    return float(point["env_steps"] + point["expert_labels"])
+def spent(point: Point, work: str) -> float:
+    """Return the work until a validation: "samples", environment steps and expert labels, or "seconds" of training."""
+    return float(point["env_steps"] + point["expert_labels"] if work == "samples" else point["wall_time_s"])
 
 
 def gap_within(cell: Row, validation_k_star: float, work: str, limit: float) -> float:
@@ -34,8 +34,8 @@ def gap_within(cell: Row, validation_k_star: float, work: str, limit: float) -> 
         work: "samples" or "seconds".
         limit: the most work.
     """
-    spent = samples if work == "samples" else lambda point: float(point["wall_time_s"])
-    good = [point for point in cell["curve"] if point["success_rate"] >= TARGET_SUCCESS and spent(point) <= limit]
+    within = (point for point in cell["curve"] if spent(point, work) <= limit)
+    good = [point for point in within if point["success_rate"] >= TARGET_SUCCESS]
     return min((point["steps"] / validation_k_star - 1 for point in good), default=inf)
 
 

@@ -16,7 +16,7 @@ from agents.policies.archive import PRETRAINED
 from agents.training.configs import PPOConfig
 from experiments import corridor_figure
 from experiments.files import PUBLISHED, REPOSITORY_RESULTS, ROOT, published
-from experiments.publishing import chain, learner_figure, pictures
+from experiments.publishing import chain, learner_figure, pictures, study_figure
 from experiments.publishing.defaults import defaults
 from experiments.publishing.environments import environments
 from experiments.publishing.learners import learners, scores
@@ -126,5 +126,6 @@ def draw(folder: Path) -> None:
     write_text(folder / "tracks.svg", tracks())
     pictures.draw(folder, benchmark, published("paper.json"))
     learner_figure.draw(folder, published("learners.json"))
+    study_figure.draw(folder, published("benchmark-full.json"))
     chain.draw(folder, published("solvers.json"))
     corridor_figure.draw(folder, published("solvers.json"))

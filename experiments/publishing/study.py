@@ -16,6 +16,7 @@ from experiments.files import Row
 from experiments.formats import format_percent, percent
 from experiments.provenance import provenance_sentence
 from experiments.publishing.markdown import markdown, paragraph
+from experiments.publishing.study_figure import LEAST_TASKS, PICTURE
 from experiments.recipes.registry import LEARNERS
 
 BY_REWARD = ("ppo", "dqn", "qrdqn", "sac", "td3", "tqc", "crossq", "ppo-gaussian")
@@ -41,7 +42,20 @@ def full(results: Row) -> str:
         f"Gap to K*, the interquartile mean over the successes of {SEEDS} seeds, or of as many as are named; then the "
         f"success, where it is not 100 %. {state}The trainings took {hours:.1f} h of one core."
     )
-    return "\n\n".join([markdown(["task", *map(display_name, agents)], rows), paragraph(note), by_reward(results)])
+    parts = [markdown(["task", *map(display_name, agents)], rows), paragraph(note), figure_text(), by_reward(results)]
+    return "\n\n".join(parts)
+
+
+def figure_text() -> str:
+    """Return the figure and what it shows."""
+    image = f"![Gap by samples and by training time, and performance profiles](experiments/results/published/{PICTURE})"
+    note = (
+        f"Left and middle: the smallest gap in validation so far, the median over the trainings on all tasks and the "
+        f"quartiles. Samples are environment steps and expert labels. Right: the share of episodes with a gap of at "
+        f"most so much, the mean over tasks, with 95 % bootstrap intervals over seeds and episodes. Only agents with "
+        f"at least {LEAST_TASKS} tasks are drawn."
+    )
+    return f"{image}\n\n{paragraph(note)}"
 
 
 def cell_text(results: Row, scores: Scores, errors: set[tuple[str, str]], problem: str, agent: str) -> str:

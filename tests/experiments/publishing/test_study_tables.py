@@ -1,9 +1,12 @@
 """The tables of the full benchmark: every agent on every task, what is still to come, and the trainings by reward."""
 
+import numpy as np
 import pytest
 
 from experiments.benchmark.suite import SUITES
+from experiments.publishing import study_figure
 from experiments.publishing.study import BY_REWARD, full, ordered, over
+from experiments.publishing.study_figure import gaps_by_limit, profile
 from experiments.recipes.registry import LEARNERS
 from flatgym import SCENARIOS
 from tests.experiments.publishing.test_learner_tables import CONDITIONS, K_STAR, cell, point
@@ -50,6 +53,37 @@ def test_the_median_of_the_seeds_stands_beside_k_star(results):
     ppo, dqn = lines(full(results), "| `hoop` | 70")
     assert ppo[2:7] == ["PPO", "72, 71, 75", "72", "+2, +2.9 %", "100 %"]
     assert dqn[2:7] == ["DQN", "-", "-", "-", "0 %"]
+
+
+def test_a_profile_rises_from_the_share_of_optima_to_the_success(results):
+    (hoop,) = (cell for cell in results["cells"] if cell["agent"] == "pd")
+    middle, low, high = profile(results | {"cells": [hoop]})
+    assert middle[0] == 0  # 84 steps are 20 % more than K*
+    assert middle[-1] == 1
+    (dagger,) = (cell for cell in results["cells"] if cell["agent"] == "dagger")
+    middle, low, high = profile(results | {"cells": [dagger]})
+    assert middle[-1] == pytest.approx(0.75)
+    assert (np.diff(middle) >= 0).all()
+    assert ((low <= middle) & (middle <= high)).all()
+
+
+def test_the_figure_has_curves_of_learners_and_profiles_of_all(results, monkeypatch):
+    monkeypatch.setattr(study_figure, "LEAST_TASKS", 1)
+    traces = study_figure.picture(results).data
+    panels = {
+        axis: {trace.name for trace in traces if trace.xaxis == axis and trace.name} for axis in ("x", "x2", "x3")
+    }
+    assert panels["x"] == panels["x2"] == {"PPO", "DQN", "DAgger"}
+    assert panels["x3"] == {"PPO", "DQN", "DAgger", "cascaded PD"}
+
+
+def test_the_median_training_counts_failures_as_infinite(results):
+    ppo = [cell for cell in results["cells"] if cell["agent"] == "ppo"]
+    limits = np.array([5.0, 25.0, 100.0])
+    middle, low, high = gaps_by_limit(ppo, results["validation_k_star"], "samples", limits)
+    assert np.isinf(middle[0])
+    assert middle[2] == pytest.approx(2 / 70)
+    assert ((low <= middle) & (middle <= high)).all()
 
 
 def test_steps_over_k_star_are_whole_where_both_are():
