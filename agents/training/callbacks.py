@@ -143,6 +143,11 @@ class PPOCallback(TrainingCallback):
     def _on_rollout_start(self) -> None:
         self.record_kl()
 
+    def apply_curriculum(self) -> None:
+        """Set environments, discount and entropy weight for the completed share of the training."""
+        super().apply_curriculum()
+        self.model.ent_coef = self.config.ent_coef * (1 - self.done)
+
     def _on_rollout_end(self) -> None:
         if self.progress.rollouts > self.warmup:
             self.adapt_learning_rate()

@@ -85,7 +85,7 @@ class Config(Checked):
     TOLERANCE_SHARE of the training."""
     failure_cost: NonNegative = 0.5
     """Cost of a failed episode in training [s], for each hoop still ahead, but at least once; see
-    `agents.training.curriculum.FailureCost`."""
+    `agents.training.curriculum.TrainingReward`."""
     turns: Turns = None
     """Whole turns of the tilt with which a training episode must reach the goal, positive ones to the right; with any
     other number it fails. None for any."""
@@ -134,7 +134,7 @@ class PPOConfig(Config):
     gae_lambda: Share = 0.95
     """Lambda of generalised advantage estimation."""
     ent_coef: NonNegative = 0.0
-    """Weight of the entropy in the loss; advantages are normalised."""
+    """Initial weight of the entropy in the loss; it falls linearly to 0. Advantages are normalised."""
     value_warmup: Natural = 10
     """Initial rollouts that train the critic only, to preserve the policy to start from; without one, none."""
 

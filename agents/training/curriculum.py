@@ -17,6 +17,7 @@ from agents.training.backward_starts import backward_starts
 from agents.training.configs import TOLERANCE_SHARE, Config
 from flatgym.envs.config import Starts
 from flatgym.envs.fleet import Fleet
+from flatgym.quadrotor import Array
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.reference import reference
 from flatgym.scenarios.scenario import Scenario, Tolerance
@@ -27,7 +28,7 @@ NEAREST_SHARE = 0.2
 """Share of the expert's flight, counted back from the goal, from which episodes start at first."""
 
 
-class FailureCost(VecEnvWrapper):
+class TrainingReward(VecEnvWrapper):
     """The training reward: a failed episode costs `price` for each hoop still ahead, but at least once.
 
     With P the potential (`flatgym.task.shaping`) and s the state before the step that fails, k steps after s_0, a
@@ -46,7 +47,7 @@ class FailureCost(VecEnvWrapper):
 
     With `turns`, only a flight with that number of whole turns of the tilt succeeds: the goal with any other number is
     a failure. It selects a homotopy class, as the optimal solvers do. Neighbouring classes are local optima, which
-    gradual improvement does not leave.
+    gradual improvement does not leave. The potential then also counts the time to turn at the greatest rate.
 
     Args:
         venv: the environments; their starts count the tilt from 0 at the scenario's start.
@@ -57,23 +58,39 @@ class FailureCost(VecEnvWrapper):
     def __init__(self, venv: Any, price: float, turns: int | None = None) -> None:
         super().__init__(venv)
         self.price, self.turns = price, turns
+        self.rate = venv.get_attr("scenario")[0].quadrotor.rate_max
 
     def reset(self) -> Any:
         """Reset all episodes."""
         observations = self.venv.reset()
-        self._hoops = self._fleet.hoop_counts()
+        self._hoops, self._turning = self._fleet.hoop_counts(), self._time_to_turn(self._tilts())
         return observations
 
     def step_wait(self) -> VecEnvStepReturn:
         """Step once; an episode fails if it ends neither at the goal, with the turns, nor at the time limit."""
         observations, rewards, dones, infos = self.venv.step_wait()
-        ended = np.flatnonzero(dones)
+        before, self._turning = self._turning, self._time_to_turn(self._tilts())
+        after, ended = self._turning.copy(), np.flatnonzero(dones)
         for i in ended:
-            if infos[i]["outcome"] != "time-limit" and not self._succeeds(infos[i]):
+            if infos[i]["outcome"] == "time-limit":
+                after[i] = self._time_to_turn(infos[i]["state"][4])
+            elif self._succeeds(infos[i]):
+                after[i] = 0.0
+            else:
                 rewards[i] = -self.price * max(1, self._hoops[i] - infos[i]["hoops_passed"])
+                after[i] = before[i]
         if ended.size:
             self._hoops = self._fleet.hoop_counts()  # of the episodes that follow
-        return observations, rewards, dones, infos
+        return observations, rewards + (before - after).astype(np.float32), dones, infos
+
+    def _tilts(self) -> Array:
+        """Return the tilts of all vehicles [rad], shape (n,)."""
+        tilts: Array = self.venv.unwrapped.arrays["state"][:, 4]  # type: ignore[attr-defined]
+        return tilts
+
+    def _time_to_turn(self, tilt: Any) -> Any:
+        """Return the least time from tilts to that of the goal, with the turns [s]; 0 for any number of turns."""
+        return 0.0 * tilt if self.turns is None else np.abs(2 * np.pi * self.turns - tilt) / self.rate
 
     def _succeeds(self, info: dict[str, Any]) -> bool:
         """Return whether an episode that has ended reached the goal, with the turns."""

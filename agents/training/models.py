@@ -33,7 +33,7 @@ from agents.training.configs import (
     TD3Config,
     TQCConfig,
 )
-from agents.training.curriculum import FailureCost, curriculum
+from agents.training.curriculum import TrainingReward, curriculum
 from agents.training.vec_env import NumberedActions, make_vec_env
 from flatgym.envs.levels import Levels
 
@@ -93,7 +93,7 @@ def environments(config: Config) -> VecEnv:
     """Return the training environments, with the training's cost of failure."""
     starts = curriculum(config).starts(0.0)
     vec_env = make_vec_env(config.scenario, config.num_envs, starts=starts, seed=config.seed)
-    return FailureCost(vec_env, config.failure_cost, config.turns)
+    return TrainingReward(vec_env, config.failure_cost, config.turns)
 
 
 def starting_policy(config: Config) -> BaseAlgorithm | None:

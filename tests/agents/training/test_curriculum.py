@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agents.training.configs import TOLERANCE_SHARE, PPOConfig
-from agents.training.curriculum import NEAREST_SHARE, Curriculum, FailureCost, curriculum, expert_flight
+from agents.training.curriculum import NEAREST_SHARE, Curriculum, TrainingReward, curriculum, expert_flight
 from agents.training.vec_env import make_vec_env
 from flatgym import SCENARIOS, Hoop, Scenario, scenario
 from flatgym.envs.compiled_fleet import CompiledFleet
@@ -25,7 +25,7 @@ DEMONSTRATED = PPOConfig(scenario="slalom", pool_expert_share=0.5)
 )
 def test_failure_costs_as_much_as_hoops_are_ahead(problem, passed, price):
     start = Starts(SCENARIOS[problem].start_state[None], np.array([passed]), 1.0)
-    envs = FailureCost(make_vec_env(problem, 4, starts=start, seed=0), 0.5)
+    envs = TrainingReward(make_vec_env(problem, 4, starts=start, seed=0), 0.5)
     envs.reset()
     ended = []
     for _ in range(250):
@@ -36,7 +36,7 @@ def test_failure_costs_as_much_as_hoops_are_ahead(problem, passed, price):
 
 
 def test_the_hoops_ahead_are_those_of_the_episode_that_failed():
-    envs = FailureCost(make_vec_env("random-hoops", 64, seed=0), 0.5)
+    envs = TrainingReward(make_vec_env("random-hoops", 64, seed=0), 0.5)
     envs.reset()
     (fleet,), costs = set(envs.get_attr("fleet")), []
     while len(costs) < 200:
@@ -50,7 +50,7 @@ def test_the_hoops_ahead_are_those_of_the_episode_that_failed():
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_from_no_state_of_the_best_flight_failing_returns_more_than_flying_on(name):
-    """The condition under which the training reward has the optimum of the environment, see FailureCost."""
+    """The condition under which the training reward has the optimum of the environment, see TrainingReward."""
     problem, best = SCENARIOS[name], reference(name)
     scene, price = Scene.of([problem]), PPOConfig().failure_cost
     for k, episode in enumerate(fly_actions(problem, best.actions)[:-1]):
@@ -66,7 +66,7 @@ def test_the_return_of_a_failure_is_that_of_its_last_state_and_its_hoops(name):
         actions = np.concatenate([best[: int(share * len(best))], np.tile(np.array([1.0, 0.0], np.float32), (250, 1))])
         flown = fly_actions(problem, actions)
         k, last = len(flown) - 2, flown[-2]
-        envs = FailureCost(make_vec_env(name, 1, seed=0), 0.5)
+        envs = TrainingReward(make_vec_env(name, 1, seed=0), 0.5)
         envs.reset()
         returned = sum(float(envs.step(action[None])[1][0]) for action in actions[: k + 1])
         risen = float(potential(scene, last)[0] - potential(scene, flown[0])[0])
@@ -77,7 +77,7 @@ def test_the_return_of_a_failure_is_that_of_its_last_state_and_its_hoops(name):
 @pytest.mark.parametrize(("name", "flown"), [("climb", 1), ("drop", -1), ("hoop", 0)])
 @pytest.mark.parametrize("turns", [None, -1, 0, 1])
 def test_only_a_flight_with_the_turns_succeeds(name, flown, turns):
-    envs = FailureCost(make_vec_env(name, 1, seed=0), 0.5, turns)
+    envs = TrainingReward(make_vec_env(name, 1, seed=0), 0.5, turns)
     envs.reset()
     for action in reference(name).actions:
         _, rewards, dones, infos = envs.step(action.astype(np.float32)[None])
@@ -167,7 +167,7 @@ def test_a_fleet_samples_starts_from_a_replaced_pool(kind):
 
 def test_the_curriculum_sets_the_environments():
     course = curriculum(DEMONSTRATED)
-    envs = FailureCost(make_vec_env("slalom", 8, starts=course.starts(0.0), seed=0), 0.5)
+    envs = TrainingReward(make_vec_env("slalom", 8, starts=course.starts(0.0), seed=0), 0.5)
     envs.reset()
     course.apply(envs, 0.2)
     (fleet,) = set(envs.get_attr("fleet"))
