@@ -1,5 +1,7 @@
 """Curriculum: tolerance, start states, and the expert's flight as start states."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -84,6 +86,33 @@ def test_only_a_flight_with_the_turns_succeeds(name, flown, turns):
     assert dones[0]
     assert infos[0]["outcome"] == "goal"
     assert (rewards[0] == -0.5) == (turns not in (None, flown))
+
+
+@pytest.mark.parametrize(("name", "turns"), [("climb", 1), ("drop", -1)])
+def test_the_return_of_a_flight_with_turns_counts_the_time_to_turn_once(name, turns):
+    problem, actions = SCENARIOS[name], reference(name).actions
+    returns = []
+    for wanted in (None, turns):
+        envs = TrainingReward(make_vec_env(name, 1, seed=0), 0.5, wanted)
+        envs.reset()
+        returns.append(sum(float(envs.step(action[None])[1][0]) for action in actions))
+    assert returns[1] - returns[0] == pytest.approx(2 * np.pi / problem.quadrotor.rate_max, abs=1e-4)
+    episode = fly_actions(problem, actions)[0]
+    shaped = -len(actions) * problem.dt - potential(Scene.of([problem]), episode)[0]
+    assert returns[0] == pytest.approx(float(shaped), abs=1e-4)
+
+
+def test_at_the_time_limit_the_time_to_turn_changes_by_the_turning_alone():
+    shorter = replace(SCENARIOS["climb"], time_limit=0.2)
+    sums = []
+    for turns in (None, 1):
+        envs = TrainingReward(make_vec_env(shorter, 1, seed=0), 0.5, turns)
+        envs.reset()
+        steps = [envs.step(np.array([[0.0, 1.0]], np.float32)) for _ in range(shorter.max_steps)]
+        assert steps[-1][2][0]
+        assert steps[-1][3][0]["outcome"] == "time-limit"
+        sums.append(sum(float(rewards[0]) for _, rewards, _, _ in steps))
+    assert sums[1] - sums[0] == pytest.approx(shorter.time_limit, abs=1e-5)  # all of it at the greatest rate
 
 
 def test_flights_with_turns_start_so_that_the_simulated_ones_end_with_them():
