@@ -27,8 +27,9 @@ TUNED: dict[str, dict[str, Any]] = {
 }
 """Fields of PPO that differ on single tasks. The page on agents has what else was tried. On tracks the number of turns
 is that of the best flight that the solvers know; a sweep would need a training for each number."""
-TURNING_COST = 1.5
-"""Cost of a failed episode where flights must turn [s]. At the default, failing without a turn costs too little."""
+TURNING: dict[str, Any] = {"failure_cost": 1.5, "ent_coef": 0.01}
+"""Fields of PPO where flights must turn. At the default cost, failing without a turn costs too little; and the entropy
+keeps both limits of the thrust in play until the turn is learnt."""
 
 
 def train_ppo(spec: RunSpec, name: str = "ppo", **values: Any) -> TrainedAgent:
@@ -36,9 +37,10 @@ def train_ppo(spec: RunSpec, name: str = "ppo", **values: Any) -> TrainedAgent:
     own: dict[str, Any] = {"max_seconds": spec.budget.ppo_s[spec.size], "env_steps": spec.budget.ppo_steps[spec.size]}
     if spec.is_distribution:
         own["width"] = DISTRIBUTION_WIDTH
+    own["guidance"] = spec.size in (1, 3)  # several hoops
     own |= TUNED.get(spec.label, {})
     if "turns" in own:
-        own["failure_cost"] = TURNING_COST
+        own |= TURNING
     return train_or_resume(spec, PPOConfig(**common(spec, name) | own | values))
 
 
