@@ -91,6 +91,20 @@ def rank(point: Point) -> tuple[float, float]:
     return point["success_rate"], -point["steps"]
 
 
+def milestones(curve: Sequence[Point], success: float = 1.0) -> list[Point]:
+    """Return the points of a learning curve that statistics need: each that is better than all before, and the last.
+
+    A point is better by its rank, or by fewer steps at a success rate of at least `success`.
+    """
+    kept, best, least = [], (-np.inf, -np.inf), np.inf
+    for point in curve:
+        steps = point["steps"] if point["success_rate"] >= success else np.inf
+        if rank(point) > best or steps < least or point is curve[-1]:
+            kept.append(point)
+        best, least = max(best, rank(point)), min(least, steps)
+    return kept
+
+
 def best_of(curve: Sequence[Point]) -> Point | None:
     """Return the first point of the highest rank, or None if no episode of any point succeeded."""
     best = max(curve, key=rank, default=None)

@@ -21,13 +21,14 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from agents import policies
 from agents.evaluation.scores import FasterThanOptimal
+from agents.evaluation.validation import milestones
 from agents.evaluation.versions import versions
 from agents.policies.adapters import load_policy, statistics_of
 from agents.policies.fingerprint import fingerprint
 from experiments.benchmark.conditions import fly_conditions
 from experiments.benchmark.results import collect, write_results
 from experiments.benchmark.suite import AGENTS, PREREQUISITES, SEEDS, Cell, Suite
-from experiments.benchmark.summary import milestones
+from experiments.benchmark.summary import TARGET_SUCCESS
 from experiments.benchmark.tasks import own_tasks
 from experiments.files import SCHEMA, Row, plain, write_json
 from experiments.provenance import now, processor
@@ -181,5 +182,5 @@ def training_row(cell: Cell, agent: TrainedAgent) -> Row:
         "training_s": round(agent.training_s, 1),
         "planning_s": round(agent.planning_s, 2),
         "fingerprint": agent.fingerprint,
-        "curve": milestones(agent.curve),
+        "curve": milestones(agent.curve, TARGET_SUCCESS),
     }

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import accumulate
-from math import inf
 
 import numpy as np
 import pandas as pd
 
 from agents.evaluation.bootstrap import summary
-from agents.evaluation.validation import Point, rank
 from experiments.benchmark.agents import table_position
 from experiments.files import Row
 
@@ -50,20 +47,6 @@ def pairs(scores: Scores) -> list[tuple[str, str]]:
 def cells_of(results: Row, problem: str, agent: str) -> list[Row]:
     """Return the cells of an agent on a problem."""
     return [cell for cell in results["cells"] if (cell["problem"], cell["agent"]) == (problem, agent)]
-
-
-def milestones(curve: Sequence[Point]) -> list[Point]:
-    """Return the points of a learning curve that statistics need: each that is better than all before, and the last.
-
-    A point is better by its rank, or by fewer steps at the target success.
-    """
-    kept, best, least = [], (-inf, -inf), inf
-    for point in curve:
-        steps = point["steps"] if point["success_rate"] >= TARGET_SUCCESS else inf
-        if rank(point) > best or steps < least or point is curve[-1]:
-            kept.append(point)
-        best, least = max(best, rank(point)), min(least, steps)
-    return kept
 
 
 def samples_to_target(cell: Row, validation_k_star: float) -> float:

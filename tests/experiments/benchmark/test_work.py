@@ -4,8 +4,8 @@ from math import inf
 
 import pytest
 
-from agents.evaluation.validation import best_of
-from experiments.benchmark.summary import milestones, samples_to_target
+from agents.evaluation.validation import best_of, milestones
+from experiments.benchmark.summary import TARGET_SUCCESS, samples_to_target
 from experiments.benchmark.work import SAMPLES, SECONDS, gap_within, gaps_by_work, median_gap
 
 
@@ -45,10 +45,10 @@ def test_half_of_the_runs_must_succeed():
 def test_milestones_keep_every_statistic(cell):
     repeated = [dict(point) for point in cell["curve"] for _ in range(3)]
     dense = {"curve": run((1e3, 0, 1, 0.0, 90))["curve"] + repeated}
-    kept = {"curve": milestones(dense["curve"])}
+    kept = {"curve": milestones(dense["curve"], TARGET_SUCCESS)}
     assert len(kept["curve"]) < len(dense["curve"])
     assert gaps_by_work([kept], 60) == gaps_by_work([dense], 60)
     assert best_of(kept["curve"]) == best_of(dense["curve"])
     assert kept["curve"][-1] == dense["curve"][-1]
     assert samples_to_target(kept, 70) == pytest.approx(samples_to_target(dense, 70), nan_ok=True)
-    assert milestones(kept["curve"]) == kept["curve"]
+    assert milestones(kept["curve"], TARGET_SUCCESS) == kept["curve"]
