@@ -232,6 +232,8 @@ class DQNConfig(OffPolicyConfig):
 
     folder: str = "runs/dqn"
     env_steps: Count = 1_000_000
+    guidance: bool = True
+    gamma_end: Share = 0.99
     width: Count = 128
     batch_size: Count = 512
     n_steps: Count = 10

@@ -17,7 +17,7 @@ TUNED: dict[str, dict[str, Any]] = {
     "horizontal-15": {"guidance": True},
     "climb": {"turns": 1},
     "drop": {"turns": -1},
-    "high-hoop": {"turns": 1},
+    "high-hoop": {"turns": 1, "guidance": True, "target_kl_end": 0.1},
     "slalom": {"turns": 2},
     "loop": {"turns": -1},
     "split-s": {"turns": 1},
@@ -37,7 +37,7 @@ def train_ppo(spec: RunSpec, name: str = "ppo", **values: Any) -> TrainedAgent:
     own: dict[str, Any] = {"max_seconds": spec.budget.ppo_s[spec.size], "env_steps": spec.budget.ppo_steps[spec.size]}
     if spec.is_distribution:
         own["width"] = DISTRIBUTION_WIDTH
-    own["guidance"] = spec.size in (1, 3)  # several hoops
+    own["guidance"] = spec.size > 0
     own |= TUNED.get(spec.label, {})
     if "turns" in own:
         own |= TURNING
