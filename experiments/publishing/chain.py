@@ -12,7 +12,7 @@ from typing import Any
 from experiments.files import Row
 from experiments.formats import lower_bound, percent
 from experiments.measurements.reference_table import PROOF_TIME
-from experiments.publishing.chain_figures import (
+from experiments.publishing.figures.chain import (
     CONVERGENCE,
     EXPLANATION,
     HOOPS,

@@ -28,7 +28,7 @@ from experiments.benchmark.work import SAMPLES, SECONDS, gaps_by_work
 from experiments.files import Row
 from experiments.formats import percent
 from experiments.provenance import provenance_sentence
-from experiments.publishing.learner_figure import PICTURE
+from experiments.publishing.figures.learners import PICTURE
 from experiments.publishing.markdown import markdown, paragraph
 
 WORK_NOTE = (

@@ -16,9 +16,12 @@ from agents.policies.archive import PRETRAINED
 from agents.training.configs import PPOConfig
 from experiments import corridor_figure
 from experiments.files import PUBLISHED, REPOSITORY_RESULTS, ROOT, published
-from experiments.publishing import chain, learner_figure, pictures, study_figure
+from experiments.publishing import chain
 from experiments.publishing.defaults import defaults
 from experiments.publishing.environments import environments
+from experiments.publishing.figures import learners as learner_figure
+from experiments.publishing.figures import pictures
+from experiments.publishing.figures import study as study_figure
 from experiments.publishing.learners import learners, scores
 from experiments.publishing.policies import pretrained
 from experiments.publishing.scenarios import sheet, table, tracks

@@ -15,8 +15,8 @@ from experiments.benchmark.trainings import position
 from experiments.files import Row
 from experiments.formats import format_percent, percent
 from experiments.provenance import provenance_sentence
+from experiments.publishing.figures.study import LEAST_TASKS, PICTURE
 from experiments.publishing.markdown import markdown, paragraph
-from experiments.publishing.study_figure import LEAST_TASKS, PICTURE
 from experiments.recipes.registry import LEARNERS
 
 BY_REWARD = ("ppo", "dqn", "qrdqn", "sac", "td3", "tqc", "crossq", "ppo-gaussian")

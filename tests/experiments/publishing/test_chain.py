@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from experiments.files import PUBLISHED
-from experiments.publishing import chain, chain_figures
+from experiments.publishing import chain
+from experiments.publishing.figures import chain as chain_figures
 from flatgym import SCENARIOS, Hoop, Scenario
 from flatgym.scenarios.reference import reference
 from optimal.direct.multistart import search

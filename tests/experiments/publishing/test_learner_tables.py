@@ -10,7 +10,7 @@ from experiments.benchmark.agents import NAMES
 from experiments.benchmark.formats import format_count
 from experiments.benchmark.summary import episode_table, samples_to_target, summarise
 from experiments.formats import format_percent
-from experiments.publishing.learner_figure import picture
+from experiments.publishing.figures.learners import picture
 from experiments.publishing.learners import learners, median_samples
 from experiments.publishing.policies import current_configs, pretrained, score_cells
 from experiments.publishing.tables import demos

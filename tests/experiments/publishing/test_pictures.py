@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from experiments.files import PUBLISHED, published
-from experiments.publishing import pictures
-from experiments.publishing.pictures import (
+from experiments.publishing.figures import pictures
+from experiments.publishing.figures.pictures import (
     AGENT,
     BEST,
     FRAME_TIME,

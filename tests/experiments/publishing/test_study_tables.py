@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from experiments.benchmark.suite import SUITES
-from experiments.publishing import study_figure
+from experiments.publishing.figures import study as study_figure
+from experiments.publishing.figures.study import gaps_by_limit, profile
 from experiments.publishing.study import BY_REWARD, full, ordered, over
-from experiments.publishing.study_figure import gaps_by_limit, profile
 from experiments.recipes.registry import LEARNERS
 from flatgym import SCENARIOS
 from tests.experiments.publishing.test_learner_tables import CONDITIONS, K_STAR, cell, point
