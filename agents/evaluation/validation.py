@@ -91,7 +91,7 @@ def rank(point: Point) -> tuple[float, float]:
     return point["success_rate"], -point["steps"]
 
 
-def milestones(curve: Sequence[Point], success: float = 1.0) -> list[Point]:
+def milestones(curve: Sequence[Point], success: float) -> list[Point]:
     """Return the points of a learning curve that statistics need: each that is better than all before, and the last.
 
     A point is better by its rank, or by fewer steps at a success rate of at least `success`.

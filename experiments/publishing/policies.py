@@ -8,15 +8,12 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from agents.imitation.dataset_aggregation import DaggerConfig
-from agents.training.configs import PPOConfig
 from experiments.benchmark.formats import format_count
 from experiments.files import Row, plain
 from experiments.formats import format_percent, percent
 from experiments.publishing.markdown import markdown, paragraph
-from experiments.recipes.pretraining import DISTRIBUTION_CONFIGS, STAGES, TRACK_CONFIGS
+from experiments.recipes.pretraining import DISTRIBUTION_CONFIGS, STAGES
 
-KINDS = (DaggerConfig, PPOConfig)
-"""Configurations that cards hold."""
 HEAD = ["policy", "algorithm", "success", "steps", "K*", "gap to K*", "env steps", "training time [s]", "size [kB]"]
 
 
@@ -59,13 +56,12 @@ def same_recipe(card: Row, today: list[Row]) -> bool:
     Fields that its card lacks did not exist and had the effect of their default. A time limit that was not reached had
     none.
     """
-    filled, seconds = {kind.__name__: plain(asdict(kind())) for kind in KINDS}, card["score"]["wall_time_s"]
+    filled, seconds = plain(asdict(DaggerConfig())), card["score"]["wall_time_s"]
 
     def effective(configs: list[Row]) -> list[Row]:
-        whole = [filled[config["kind"]] | config for config in configs]
         return [
-            {key: value for key, value in config.items() if key != "max_seconds" or value <= seconds}
-            for config in whole
+            {key: value for key, value in (filled | config).items() if key != "max_seconds" or value <= seconds}
+            for config in configs
         ]
 
     return effective(card.get("configs", [])) == effective(today)
@@ -73,8 +69,7 @@ def same_recipe(card: Row, today: list[Row]) -> bool:
 
 def current_configs(name: str, card: Row) -> list[Row]:
     """Return the configurations that today's recipe of a policy uses, in the form of a card."""
-    alone: dict[str, DaggerConfig | PPOConfig] = {**DISTRIBUTION_CONFIGS, **TRACK_CONFIGS}
-    configs = [alone[name]] if name in alone else [config for config, _ in STAGES]
+    configs = [DISTRIBUTION_CONFIGS[name]] if name in DISTRIBUTION_CONFIGS else [config for config, _ in STAGES]
     used = [replace(config, scenario=name, seed=card["seed"]) for config in configs]
     return [plain({"kind": type(config).__name__} | asdict(config)) for config in used]
 

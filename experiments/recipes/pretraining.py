@@ -3,9 +3,6 @@
 On a scenario, DAgger imitates an LQR around the optimal flight with margins (`experiments.recipes.margins`). Starts and
 actions are perturbed widely at first, then closely. Training ends when the policy reaches K* or the time is over.
 
-On tracks of many hoops DAgger takes hours. There PPO learns by reward, and a part of its episodes starts on the K*
-flight.
-
 On a distribution, DAgger starts from optimal flights of sampled scenarios. Three experts label the policy's episodes:
 LQRs around these flights, new optimal plans after the last hoop, and the PD controller after a missed hoop.
 
@@ -25,21 +22,18 @@ import joblib
 from agents import policies
 from agents.evaluation.protocol import protocol_episodes
 from agents.evaluation.scores import evaluate
-from agents.evaluation.validation import Point, milestones
+from agents.evaluation.validation import Point
 from agents.imitation.cloning import untrained_policy
 from agents.imitation.dataset_aggregation import DaggerConfig, dagger
 from agents.imitation.oracles import combined_oracle, lqr_oracle
 from agents.imitation.selection import BestPolicy
 from agents.policies.compact import rounded
-from agents.training.configs import PPOConfig
 from agents.training.threads import torch_threads
-from agents.training.train import train
 from experiments.files import USER_RESULTS, plain, write_json
 from experiments.provenance import provenance
 from experiments.recipes.imitation import DISTRIBUTION_NETWORK
 from experiments.recipes.margins import HOOP_SHARE, robust_flight
-from experiments.recipes.reinforcement import TUNED, TURNING
-from flatgym import DISTRIBUTIONS, Distribution, Scenario, reference
+from flatgym import DISTRIBUTIONS, Distribution, Scenario
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.catalogue import Problem, ProblemLike
 from optimal.batch import fewest_steps_many
@@ -54,14 +48,6 @@ STAGES = (
 The second stage runs only if the first does not reach the steps of the expert. The rounds end it, not the time: a slow
 machine trains the same policy.
 """
-TRACK_CONFIGS = {
-    name: PPOConfig(
-        **TUNED[name], **TURNING, scenario=name, guidance=True, pool_expert_share=0.8, env_steps=24_000_000,
-        max_seconds=7200.0,
-    )
-    for name in ("figure-eight", "slalom-6", "zigzag-12")
-}  # fmt: skip
-"""Training configurations of the tracks that PPO learns."""
 RANDOM_GOAL = DaggerConfig(
     **DISTRIBUTION_NETWORK, gradient_steps=3500, rounds=8, max_seconds=3600.0, n_eval_episodes=300
 )
@@ -72,8 +58,6 @@ N_FLIGHTS = {"random-goal": 2600, "random-hoops": 3000, "random-track": 1500}
 """Numbers of optimal flights to start from."""
 STORE = USER_RESULTS / "flights"
 """Folder of the optimal flights of sampled scenarios."""
-TRAININGS = USER_RESULTS / "pretraining"
-"""Folder of the trainings of tracks, which resume after an interruption."""
 Card = dict[str, Any]
 
 
@@ -126,8 +110,6 @@ def pretrain_scenario(name: str, seed: int, out: Path, command: str) -> Card:
     """Train a policy for one scenario, by its name or JSON text, write it and its card, and return the card."""
     began, scenario = time.perf_counter(), catalogue.scenario(name)
     label = catalogue.label(scenario)
-    if label in TRACK_CONFIGS:
-        return pretrain_track(label, seed, out, command)
     stages = [(replace(config, scenario=name, seed=seed), spread) for config, spread in STAGES]
     flight = robust_flight(scenario)
     best = BestPolicy(stages[0][0], target=flight.steps)
@@ -138,19 +120,8 @@ def pretrain_scenario(name: str, seed: int, out: Path, command: str) -> Card:
             model = dagger(model, oracle, config, best)
     training_s = time.perf_counter() - began
     policies.save(model, out / f"{label}.zip", name)
-    score = score_row(model, name, 1, "DAgger", best.env_steps, training_s, command)
+    score = score_row(model, name, 1, best, training_s, command)
     return write_card(out / f"{label}.json", seed, command, [config for config, _ in stages], best.curve, score)
-
-
-def pretrain_track(name: str, seed: int, out: Path, command: str) -> Card:
-    """Train a policy for a track by PPO, write it and its card, and return the card."""
-    config, known = replace(TRACK_CONFIGS[name], seed=seed), reference(name)
-    k_star = None if known is None else known.k_star
-    training = train(replace(config, folder=str(TRAININGS / f"{name}-{seed}")), k_star, resume=True)
-    model = policies.load(training.model, trust=True)
-    policies.save(model, out / f"{name}.zip", name)
-    score = score_row(model, name, 1, "PPO", training.env_steps, training.wall_time_s, command)
-    return write_card(out / f"{name}.json", seed, command, [config], milestones(training.curve), score)
 
 
 def pretrain_distribution(
@@ -169,22 +140,20 @@ def pretrain_distribution(
         model = dagger(untrained_policy(config), oracle, config, best)
     training_s = time.perf_counter() - began
     policies.save(rounded(model), out / f"{name}.zip", name)
-    score = score_row(model, name, protocol_episodes(name), "DAgger", best.env_steps, training_s, command)
+    score = score_row(model, name, protocol_episodes(name), best, training_s, command)
     cost = {"planning_s": round(planned - began, 1), "flights": len(flights), "planned_before": stored}
     return write_card(out / f"{name}.json", seed, command, [config], best.curve, score, **cost)
 
 
-def score_row(
-    model: Any, name: str, episodes: int, algorithm: str, env_steps: int, training_s: float, command: str
-) -> Card:
+def score_row(model: Any, name: str, episodes: int, best: BestPolicy, training_s: float, command: str) -> Card:
     """Return the score row of a trained policy."""
     rows = evaluate(
         model,
         name,
         episodes,
         agent=catalogue.label(name),
-        algorithm=algorithm,
-        env_steps=env_steps,
+        algorithm="DAgger",
+        env_steps=best.env_steps,
         wall_time_s=round(training_s, 1),
         command=command,
     )

@@ -7,7 +7,6 @@ import pytest
 
 from agents import policies
 from agents.imitation.dataset_aggregation import DaggerConfig
-from agents.training.configs import PPOConfig
 from experiments.recipes import pretraining
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.scenarios import catalogue
@@ -44,22 +43,6 @@ def test_a_policy_for_a_scenario_and_its_card(brief):
     loaded = policies.load(brief / "horizontal-3.zip", trust=True)
     assert loaded.observation_space.shape == (19,)
     assert card["score"]["scenario"] == "horizontal-3"
-
-
-def test_a_policy_for_a_track_resumes_its_training(brief, monkeypatch):
-    small = replace(
-        pretraining.TRACK_CONFIGS["slalom-6"], num_envs=4, n_steps=8, batch_size=32, env_steps=64, checkpoint_every=1
-    )
-    monkeypatch.setattr(pretraining, "TRACK_CONFIGS", {"slalom-6": small})
-    monkeypatch.setattr(pretraining, "TRAININGS", brief / "trainings")
-    cards = [pretraining.pretrain_scenario("slalom-6", 3, brief, "the command") for _ in range(2)]
-    assert json.loads((brief / "slalom-6.json").read_text()) == cards[1]
-    assert cards[0]["curve"] == cards[1]["curve"][: len(cards[0]["curve"])]
-    (config,) = cards[0]["configs"]
-    assert (config.pop("kind"), config["seed"], config["pool_expert_share"]) == ("PPOConfig", 3, 0.8)
-    assert PPOConfig(**config) == replace(small, seed=3)
-    assert cards[0]["score"]["algorithm"] == "PPO"
-    assert policies.load(brief / "slalom-6.zip", trust=True).observation_space.shape == (19,)
 
 
 def test_a_policy_for_a_distribution_and_its_card(brief):
