@@ -254,7 +254,7 @@ class QRDQNConfig(DQNConfig):
     algorithm: ClassVar[str] = "QRDQN"
 
     folder: str = "runs/qrdqn"
-    n_quantiles: Count = 25
+    n_quantiles: Count = 8
     """Quantiles of the return of each action."""
 
 
