@@ -195,5 +195,5 @@ SUITES = {
         ),
     )
 }
-"""The suites: "quick" takes minutes, "full" about eight hours on two cores, and "study", the comparison of the learners
+"""The suites: "quick" takes minutes, "full" about half a day on two cores, and "study", the comparison of the learners
 in the README, about five."""

@@ -63,7 +63,7 @@ EXPERTS: dict[str, Recipe] = {
 COMPARED_ON_FEW = (
     "ppo-gaussian", "sac", "td3", "tqc", "crossq", "dqn", "qrdqn", "bc-ppo", "bc-categorical", "dagger-categorical",
 )  # fmt: skip
-"""Learners that the full suite trains on two problems only, to end within a working day."""
+"""Learners that the full suite trains on two problems only, to end within a day."""
 SCENARIO_ONLY = ("expert-no-margin", "mpc")
 """Agents that fly scenarios, but no distributions."""
 NEED_DEMONSTRATIONS = {"bc", "dagger", "bc-ppo", "bc-categorical", "dagger-categorical"}
