@@ -87,6 +87,13 @@ def layout(figure: go.Figure, title: str) -> go.Figure:
     return figure
 
 
+def decades(*, percent: bool = False) -> dict[str, Any]:
+    """Return a logarithmic axis with a tick at 1, 2 and 5 of each decade."""
+    ticks = [digit * 10.0**power for power in range(-5, 5) for digit in (1, 2, 5)]
+    texts = [f"{100 * tick:.6g} %" if percent else f"{tick:g}" for tick in ticks]
+    return {"type": "log", "tickvals": ticks, "ticktext": texts, "zeroline": False}
+
+
 def vehicle(state: Array) -> Array:
     """Return the outline of the quadrotor, an arm with two rotors, as points of a line, shape (n, 2) [m].
 

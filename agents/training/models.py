@@ -90,7 +90,7 @@ def build(config: Config) -> BaseAlgorithm:
 
 
 def environments(config: Config) -> VecEnv:
-    """Return the training environments, with the training's cost of failure."""
+    """Return the training environments, with the training reward."""
     starts = curriculum(config).starts(0.0)
     vec_env = make_vec_env(config.scenario, config.num_envs, starts=starts, seed=config.seed)
     return TrainingReward(vec_env, config.failure_cost, config.turns)

@@ -85,7 +85,9 @@ def by_reward(results: Row) -> str:
             if cells and not any(cell.get("error") for cell in cells):
                 rows.append(reward_line(problem, agent, cells, results["validation_k_star"][problem]))
     dates = [cell["date"] for cell in results["cells"]]
-    source = provenance_sentence(results, PACKAGES, command="flatquad benchmark --full", dates=dates)
+    processors = ", ".join(sorted({cell["processor"] for cell in results["cells"] if cell.get("processor")}))
+    where = results | {"processor": processors}  # the cells may come from several machines
+    source = provenance_sentence(where, PACKAGES, command="flatquad benchmark --full", dates=dates)
     note = (
         "By reward alone: the best validation of each seed, on a distribution the mean steps of its validation "
         "episodes; medians over seeds."

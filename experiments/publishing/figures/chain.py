@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from experiments.figures import COLOURS, FAINT, INK, OUTLINE, Track, add_flight, add_scenery, layout
+from experiments.figures import COLOURS, FAINT, INK, OUTLINE, Track, add_flight, add_scenery, decades, layout
 from experiments.files import Row
 from flatgym import SCENARIOS
 from flatgym.quadrotor import Array
@@ -78,13 +78,6 @@ def hoops_figure(rows: Sequence[Row]) -> go.Figure:
     return layout(figure, "Work against the number of hoops of the slalom").update_layout(
         width=1000, height=480, legend={"y": -0.2, "yanchor": "top", "x": 0.5, "xanchor": "center"}, margin={"b": 100}
     )
-
-
-def decades(*, percent: bool = False) -> dict[str, Any]:
-    """Return a logarithmic axis with a tick at 1, 2 and 5 of each decade."""
-    ticks = [digit * 10.0**power for power in range(-5, 5) for digit in (1, 2, 5)]
-    texts = [f"{100 * tick:.6g} %" if percent else f"{tick:g}" for tick in ticks]
-    return {"type": "log", "tickvals": ticks, "ticktext": texts, "zeroline": False}
 
 
 class Cut(NamedTuple):

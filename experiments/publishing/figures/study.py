@@ -14,7 +14,7 @@ from experiments.benchmark.agents import NAMES, colour, display_name
 from experiments.benchmark.conditions import NOMINAL
 from experiments.benchmark.summary import episode_table
 from experiments.benchmark.work import gap_within, spent
-from experiments.figures import layout
+from experiments.figures import decades, layout
 from experiments.files import Row
 from experiments.recipes.registry import LEARNERS
 from flatgym.files import write_text
@@ -45,12 +45,12 @@ def picture(results: Row) -> go.Figure:
                 bands = gaps_by_limit(cells, results["validation_k_star"], work, limits)
                 add_band(figure, agent, limits, *bands, column=column, legend=False)
         add_band(figure, agent, GAPS, *profile({**results, "cells": cells}), column=3, legend=True)
-    percents = {"tickformat": "~%", "type": "log", "range": [np.log10(GAPS[0]), 0], "dtick": 1}
+    percents = decades(percent=True) | {"range": [np.log10(GAPS[0]), 0]}
     figure.update_yaxes(title="gap to K*, median of trainings", **percents, row=1, col=1)
     figure.update_yaxes(**percents, row=1, col=2)
     figure.update_xaxes(title="samples", type="log", exponentformat="SI", dtick=1, row=1, col=1)
     figure.update_xaxes(title="training time [s]", type="log", dtick=1, row=1, col=2)
-    figure.update_xaxes(title="gap to K*", **percents, row=1, col=3)
+    figure.update_xaxes(title="gap to K*", **percents, tickangle=0, tickfont_size=10, row=1, col=3)
     figure.update_yaxes(title="episodes within the gap", tickformat=".0%", range=[-0.01, 1.02], row=1, col=3)
     return layout(figure, "Gap against work, and performance profiles").update_layout(
         width=1150, height=430, margin={"l": 70, "r": 20, "t": 95, "b": 55}
@@ -77,18 +77,16 @@ def profile(results: Row) -> tuple[Array, Array, Array]:
     rows = episode_table(results)
     rows = rows[rows["condition"] == NOMINAL].reset_index(drop=True)
     gap = rows["gap"].where(rows["outcome"] == "goal", np.inf).to_numpy()
-    resampled = []
+    shares, resampled = [], []
     for _, task in rows.groupby("scenario", sort=False):
         own = gap[task.index]
         places = bootstrap_positions(task.reset_index(drop=True), resamples=RESAMPLES)
-        drawn = np.sort(np.where(places >= 0, own[places], np.nan), axis=1)  # NaN last
-        within = np.stack([(drawn <= limit).sum(axis=1) for limit in GAPS], axis=1)
-        resampled.append(within / (places >= 0).sum(axis=1, keepdims=True))
-    task_means = [
-        [(gap[task.index] <= limit).mean() for limit in GAPS] for _, task in rows.groupby("scenario", sort=False)
-    ]
-    low, high = np.quantile(np.mean(resampled, axis=0), [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
-    return np.mean(task_means, axis=0), low, high
+        drawn = np.where(places >= 0, own[places], np.nan)
+        counts = (places >= 0).sum(axis=1)
+        shares.append([(own <= limit).mean() for limit in GAPS])
+        resampled.append([(drawn <= limit).sum(axis=1) / counts for limit in GAPS])
+    low, high = np.quantile(np.mean(resampled, axis=0), [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=1)
+    return np.mean(shares, axis=0), low, high
 
 
 def add_band(
