@@ -12,7 +12,8 @@ from experiments.benchmark.formats import format_count
 from experiments.files import Row, plain
 from experiments.formats import format_percent, percent
 from experiments.publishing.markdown import markdown, paragraph
-from experiments.recipes.pretraining import DISTRIBUTION_CONFIGS, STAGES
+from experiments.recipes.pretraining import DISTRIBUTION_CONFIGS, stages_of
+from flatgym import SCENARIOS
 
 HEAD = ["policy", "algorithm", "success", "steps", "K*", "gap to K*", "env steps", "training time [s]", "size [kB]"]
 
@@ -69,8 +70,11 @@ def same_recipe(card: Row, today: list[Row]) -> bool:
 
 def current_configs(name: str, card: Row) -> list[Row]:
     """Return the configurations that today's recipe of a policy uses, in the form of a card."""
-    configs = [DISTRIBUTION_CONFIGS[name]] if name in DISTRIBUTION_CONFIGS else [config for config, _ in STAGES]
-    used = [replace(config, scenario=name, seed=card["seed"]) for config in configs]
+    seed = card["seed"]
+    if name in DISTRIBUTION_CONFIGS:
+        used = [replace(DISTRIBUTION_CONFIGS[name], scenario=name, seed=seed)]
+    else:
+        used = [config for config, _ in stages_of(SCENARIOS[name], name, seed)]
     return [plain({"kind": type(config).__name__} | asdict(config)) for config in used]
 
 

@@ -1,7 +1,9 @@
 """Training of the policies that come with the package; `flatquad pretrain hoop climb` runs it.
 
 On a scenario, DAgger imitates an LQR around the optimal flight with margins (`experiments.recipes.margins`). Starts and
-actions are perturbed widely at first, then closely. Training ends when the policy reaches K* or the time is over.
+actions are perturbed widely at first, then closely. Training ends when the policy reaches the steps of that flight or
+the rounds are over. On tracks the actor is categorical: the squared error averages labels on either side of a switch,
+and the small errors of hundreds of steps add up to a missed hoop.
 
 On a distribution, DAgger starts from optimal flights of sampled scenarios. Three experts label the policy's episodes:
 LQRs around these flights, new optimal plans after the last hoop, and the PD controller after a missed hoop.
@@ -48,6 +50,10 @@ STAGES = (
 The second stage runs only if the first does not reach the steps of the expert. The rounds end it, not the time: a slow
 machine trains the same policy.
 """
+TRACK_BINS = (21, 81)
+"""Bins of the actor on tracks: fine enough for the LQR to fly with actions rounded to these levels."""
+NOT_ROUNDED = {"ladder"}
+"""Tracks that the LQR does not fly with rounded actions, however fine. The actor is fitted by the squared error."""
 RANDOM_GOAL = DaggerConfig(
     **DISTRIBUTION_NETWORK, gradient_steps=3500, rounds=8, max_seconds=3600.0, n_eval_episodes=300
 )
@@ -105,12 +111,18 @@ def _trained(
     yield from parallel_results(calls, -1, "generator_unordered")
 
 
+def stages_of(scenario: Scenario, name: str, seed: int) -> list[tuple[DaggerConfig, float]]:
+    """Return both stages of a scenario, by its name or JSON text: configuration, and spread of starts and actions."""
+    rounded = len(scenario.hoops) > 1 and catalogue.label(scenario) not in NOT_ROUNDED
+    bins = TRACK_BINS if rounded else None
+    return [(replace(config, scenario=name, seed=seed, bins=bins), spread) for config, spread in STAGES]
+
+
 @torch_threads()
 def pretrain_scenario(name: str, seed: int, out: Path, command: str) -> Card:
     """Train a policy for one scenario, by its name or JSON text, write it and its card, and return the card."""
     began, scenario = time.perf_counter(), catalogue.scenario(name)
-    label = catalogue.label(scenario)
-    stages = [(replace(config, scenario=name, seed=seed), spread) for config, spread in STAGES]
+    label, stages = catalogue.label(scenario), stages_of(scenario, name, seed)
     flight = robust_flight(scenario)
     best = BestPolicy(stages[0][0], target=flight.steps)
     model = untrained_policy(stages[0][0])
