@@ -22,6 +22,9 @@ from agents.evaluation.validation import Point, Validation
 from agents.training.configs import Config, OffPolicyConfig, PPOConfig
 from agents.training.curriculum import curriculum
 from agents.training.progress import Progress, curve_file, model_file
+from agents.training.self_imitation import Flight, FlightRecorder
+from flatgym.quadrotor import Array
+from flatgym.scenarios.scenario import Scenario
 
 CURRICULUM_STEPS = 4096
 """Smallest number of environment steps between two updates of the curriculum."""
@@ -32,6 +35,8 @@ Beyond it the result depends on the speed of the machine.
 """
 LOGGED = ("success_rate", "steps", "hoops_passed", "way_left")
 """Values of a validation that are logged; the last two tell apart policies that do not succeed yet."""
+FINAL_FITS, FINAL_STEPS = 40, 50
+"""Most fits to the best flight after a training, and gradient steps of each."""
 GAMMA_SHARE = 0.6
 """Share of the training after which the discount is `gamma_end`."""
 
@@ -86,6 +91,11 @@ class TrainingCallback(BaseCallback):
     def record_kl(self) -> None:
         """Record the divergence of the last update before a checkpoint; PPO only."""
 
+    def finish(self) -> None:
+        """Validate the policy at the end of the training."""
+        self.apply_curriculum()
+        self.validate()
+
     def _on_step(self) -> bool:
         return not self.finished
 
@@ -130,18 +140,66 @@ class TrainingCallback(BaseCallback):
 
 
 class PPOCallback(TrainingCallback):
-    """Adapts the learning rate of PPO to the divergence of its updates, and trains the critic alone at first."""
+    """Adapts the learning rate of PPO to the divergence of its updates, trains the critic alone at first, and imitates.
+
+    Self-imitation (`agents.training.self_imitation`) begins when the tolerance is the true one.
+    """
 
     model: PPO
     config: PPOConfig
+    recorder: FlightRecorder | None = None
+    """Recorder of the flights of a scenario; None without self-imitation."""
 
     @property
     def warmup(self) -> int:
         """Rollouts that train the critic only."""
         return self.config.value_warmup if self.config.policy else 0
 
+    @property
+    def flight(self) -> Flight | None:
+        """The best flight of the training, None without self-imitation or success."""
+        problem, stored = self.curriculum.problem, self.progress.flight
+        return None if stored is None or not isinstance(problem, Scenario) else Flight(problem, *stored)
+
+    def finish(self) -> None:
+        """Validate the policy, and fit it to the best flight until it flies in as few steps."""
+        super().finish()
+        flight = self.flight
+        for group in self.model.policy.optimizer.param_groups:
+            group["lr"] = self.config.learning_rate
+        for _ in range(FINAL_FITS):
+            best = self.progress.best
+            if flight is None or (best is not None and best["steps"] <= len(flight.actions)):
+                break
+            flight.fit(self.model, FINAL_STEPS)
+            self.validate()
+
+    def _on_training_start(self) -> None:
+        self.recorder = None  # all episodes have been reset
+
     def _on_rollout_start(self) -> None:
         self.record_kl()
+        problem = self.curriculum.problem
+        if self.recorder is None:
+            if self.config.self_imitation and isinstance(problem, Scenario) and self.is_tight(problem):
+                self.recorder = FlightRecorder(problem, self._states(), self.flight)
+        elif self.progress.rollouts > self.warmup:
+            self.recorder.imitate(self.model, self.config.self_imitation)
+
+    def is_tight(self, problem: Scenario) -> bool:
+        """Return whether the tolerance of the environments is the true one."""
+        tight: bool = self.training_env.get_attr("scenario")[0] == problem
+        return tight
+
+    def _on_step(self) -> bool:
+        if self.recorder is not None:
+            actions, dones, infos = (self.locals[name] for name in ("clipped_actions", "dones", "infos"))
+            self.recorder.step(actions, self._states(), dones, infos)
+        return super()._on_step()
+
+    def _states(self) -> Array:
+        states: Array = self.training_env.unwrapped.arrays["state"]  # type: ignore[attr-defined]
+        return states
 
     def apply_curriculum(self) -> None:
         """Set environments, discount and entropy weight for the completed share of the training."""
@@ -149,6 +207,8 @@ class PPOCallback(TrainingCallback):
         self.model.ent_coef = self.config.ent_coef * (1 - self.done)
 
     def _on_rollout_end(self) -> None:
+        if self.recorder is not None and (best := self.recorder.best) is not None:
+            self.progress.flight = best.actions, best.excess
         if self.progress.rollouts > self.warmup:
             self.adapt_learning_rate()
         self.model.lr_schedule = ConstantSchedule(self.progress.learning_rate)

@@ -135,6 +135,9 @@ class PPOConfig(Config):
     """Lambda of generalised advantage estimation."""
     ent_coef: NonNegative = 0.0
     """Initial weight of the entropy in the loss; it falls linearly to 0. Advantages are normalised."""
+    self_imitation: Natural = 8
+    """Gradient steps of self-imitation between two rollouts, see `agents.training.self_imitation`; 0 for none.
+    Distributions have none, because each of their episodes has a start of its own."""
     value_warmup: Natural = 10
     """Initial rollouts that train the critic only, to preserve the policy to start from; without one, none."""
 

@@ -46,8 +46,9 @@ class TrainingReward(VecEnvWrapper):
     of 0.5 s made it better to fail at once than to fly the optimum of `slalom`, `ladder`, `slalom-6` and `zigzag-12`.
 
     With `turns`, only a flight with that number of whole turns of the tilt succeeds: the goal with any other number is
-    a failure. It selects a homotopy class, as the optimal solvers do. Neighbouring classes are local optima, which
-    gradual improvement does not leave. The potential then also counts the time to turn at the greatest rate.
+    a failure, also in `is_success`. It selects a homotopy class, as the optimal solvers do. Neighbouring classes are
+    local optima, which gradual improvement does not leave. The potential then also counts the time to turn at the
+    greatest rate.
 
     Args:
         venv: the environments; their starts count the tilt from 0 at the scenario's start.
@@ -72,9 +73,10 @@ class TrainingReward(VecEnvWrapper):
         before, self._turning = self._turning, self._time_to_turn(self._tilts())
         after, ended = self._turning.copy(), np.flatnonzero(dones)
         for i in ended:
+            infos[i]["is_success"] = self._succeeds(infos[i])
             if infos[i]["outcome"] == "time-limit":
                 after[i] = self._time_to_turn(infos[i]["state"][4])
-            elif self._succeeds(infos[i]):
+            elif infos[i]["is_success"]:
                 after[i] = 0.0
             else:
                 rewards[i] = -self.price * max(1, self._hoops[i] - infos[i]["hoops_passed"])

@@ -6,6 +6,8 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import torch
+
 from agents.evaluation.validation import Point, best_of
 from agents.training.configs import Config
 
@@ -21,6 +23,7 @@ class Progress:
         approx_kl: approximate Kullback-Leibler divergence of the last update; 0 if unknown.
         seconds: wall time of the previous sessions [s].
         curve: the learning curve, one point a validation.
+        flight: actions (K, 2) and excess of the best flight, see `agents.training.self_imitation`; None without one.
     """
 
     segment: int = 0
@@ -29,6 +32,7 @@ class Progress:
     approx_kl: float = 0.0
     seconds: float = 0.0
     curve: list[Point] = field(default_factory=list)
+    flight: tuple[torch.Tensor, float] | None = None
 
     @property
     def best(self) -> Point | None:

@@ -158,7 +158,6 @@ def _learn(model: BaseAlgorithm, callback: TrainingCallback) -> None:
         progress.segment += 1
         callback.record_kl()
         checkpoints.write(config, model, replace(progress, seconds=callback.elapsed))
-    callback.apply_curriculum()
-    callback.validate()
+    callback.finish()
     if progress.best is None:
         policies.save(model, model_file(config), config.scenario)

@@ -16,7 +16,9 @@ from agents.training.configs import CONFIGS, config_of
 from agents.training.models import build
 from agents.training.progress import curve_file, read_curve
 from agents.training.train import train
+from flatgym import SCENARIOS
 from flatgym.scenarios.reference import EVALUATION_SEED
+from flatgym.scenarios.scenario import Tolerance
 
 COMMON = {"num_envs": 8, "width": 8, "max_seconds": 1e5, "n_eval_episodes": 4}
 PPO = {"env_steps": 1024, "n_steps": 16, "batch_size": 128, "n_epochs": 2, "checkpoint_every": 3, "eval_every": 2}
@@ -29,15 +31,17 @@ OFF_POLICY = {
     "checkpoint_every": 12,
     "eval_every": 5,
 }
+EASY = replace(SCENARIOS["horizontal-3"], goal=(0.0, -0.6), tolerance=Tolerance(0.5, 4.0, 1.0), time_limit=0.6)
+"""A scenario that random flights solve now and then, so that there is a flight to imitate."""
 
 
 class Killed(BaseException):
     """An exception that no handler catches."""
 
 
-def small(algorithm, folder, scenario="horizontal-3"):
+def small(algorithm, folder, scenario="horizontal-3", **changes):
     own = PPO if algorithm == "PPO" else OFF_POLICY
-    return config_of(algorithm, scenario=scenario, folder=str(folder), **COMMON | own)
+    return config_of(algorithm, scenario=scenario, folder=str(folder), **COMMON | own | changes)
 
 
 def killed(config, at, resume=False):
@@ -60,8 +64,18 @@ def flown(curve):
     ("algorithm", "scenario"), [(name, "horizontal-3") for name in CONFIGS] + [("PPO", "random-hoops")]
 )
 def test_an_interrupted_training_ends_bit_for_bit_like_an_uninterrupted_one(tmp_path, algorithm, scenario):
-    whole = train(small(algorithm, tmp_path / "whole", scenario))
-    config = small(algorithm, tmp_path / "killed", scenario)
+    assert interrupted_like_uninterrupted(tmp_path, algorithm, scenario)["flight"] is None
+
+
+def test_the_flight_to_imitate_survives_an_interruption(tmp_path):
+    progress = interrupted_like_uninterrupted(tmp_path, "PPO", EASY.to_json(), tolerance=1.0)
+    assert len(progress["flight"][0]) <= progress["curve"][0]["steps"]
+
+
+def interrupted_like_uninterrupted(tmp_path, algorithm, scenario, **changes):
+    """Check that both trainings end alike, and return the progress in their checkpoints."""
+    whole = train(small(algorithm, tmp_path / "whole", scenario, **changes))
+    config = small(algorithm, tmp_path / "killed", scenario, **changes)
     killed(config, 0.2 * config.env_steps)  # before the first checkpoint
     killed(config, 0.6 * config.env_steps, resume=True)
     killed(config, 0.9 * config.env_steps, resume=True)
@@ -72,6 +86,8 @@ def test_an_interrupted_training_ends_bit_for_bit_like_an_uninterrupted_one(tmp_
     assert resumed.wall_time_s > resumed.curve[0]["wall_time_s"]
     last = [torch.load(tmp_path / run / "checkpoint.pt", weights_only=True) for run in ("whole", "killed")]
     assert str(last[0]["parameters"]) == str(last[1]["parameters"])
+    assert str(last[0]["progress"]["flight"]) == str(last[1]["progress"]["flight"])
+    return last[0]["progress"]
 
 
 @pytest.mark.parametrize("algorithm", [name for name in CONFIGS if name != "PPO"])
