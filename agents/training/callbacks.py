@@ -164,12 +164,12 @@ class PPOCallback(TrainingCallback):
     def finish(self) -> None:
         """Validate the policy, and fit it to the best flight until it flies in as few steps."""
         super().finish()
-        flight = self.flight
+        if (flight := self.flight) is None:
+            return
         for group in self.model.policy.optimizer.param_groups:
             group["lr"] = self.config.learning_rate
         for _ in range(FINAL_FITS):
-            best = self.progress.best
-            if flight is None or (best is not None and best["steps"] <= len(flight.actions)):
+            if (best := self.progress.best) is not None and best["steps"] <= len(flight.actions):
                 break
             flight.fit(self.model, FINAL_STEPS)
             self.validate()

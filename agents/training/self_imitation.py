@@ -1,8 +1,8 @@
 """Self-imitation: the actor is also fitted to the fastest flight that training has sampled.
 
-A scenario is deterministic, so the actions of a flight from its start lead to the goal again. PPO samples ten thousands
-of such flights. The fastest of them is one to three steps faster than the flight of the most probable actions, but too
-rare to change them. Between two rollouts the actor is therefore fitted to it by maximum likelihood: self-imitation
+A scenario is deterministic, so the actions of a flight from its start lead to the goal again. PPO samples tens of
+thousands of such flights. The fastest is one to three steps faster than the flight of the most probable actions, but
+too rare to change them. Between two rollouts the actor is therefore fitted to it by maximum likelihood: self-imitation
 learning (Oh, Guo, Singh and Lee, 2018) of a single episode. No optimal flight and no expert takes part.
 """
 
