@@ -241,6 +241,7 @@ class DQNConfig(OffPolicyConfig):
     batch_size: Count = 512
     n_steps: Count = 10
     buffer_size: Count = 400_000
+    eval_every: Count = 50  # the greedy policy varies much between updates, and the best one is kept
     bins: Levels = (2, 11)
     """Levels of thrust and rate; each combination is an action."""
     learning_rate_end: Share = 0.05

@@ -21,13 +21,27 @@ from agents.training.threads import torch_threads
 from experiments.recipes.margins import robust_flight
 from experiments.recipes.plans import plan_flights
 from experiments.recipes.run_spec import RunSpec, TrainedAgent
+from flatgym.scenarios import catalogue
+from flatgym.scenarios.catalogue import Problem
 from flatgym.scenarios.scenario import Scenario
 
 DISTRIBUTION_NETWORK: dict[str, Any] = {"width": 160, "observation_scale": 6.0, "guidance": True, "batch_size": 1024}
 """Network and batch for a distribution: larger than for a scenario, with predicted miss distances as inputs."""
 
-BINS = (3, 41)
-"""Bins of the categorical actors. An LQR corrects a flight by small rates, so there are more than in PPO."""
+BINS = (21, 81)
+"""Bins of categorical actors: fine enough for the LQR to fly tracks with actions rounded to these levels."""
+NOT_ROUNDED = {"ladder"}
+"""Tracks that the LQR does not fly with rounded actions, however fine."""
+
+
+def bins_of(problem: Problem) -> tuple[int, int] | None:
+    """Return the bins of the actor that imitates: BINS on tracks, None (the squared error) on all other tasks.
+
+    The squared error averages the labels on both sides of a switch. Over the hundreds of steps of a track the errors
+    add up to a missed hoop.
+    """
+    is_track = isinstance(problem, Scenario) and len(problem.hoops) > 1
+    return BINS if is_track and catalogue.label(problem) not in NOT_ROUNDED else None
 
 
 class CountingOracle:
@@ -75,8 +89,10 @@ def shared_config(spec: RunSpec, gradient_steps: int) -> dict[str, Any]:
 
 @torch_threads()
 def train_bc(spec: RunSpec, bins: tuple[int, int] | None = None) -> TrainedAgent:
-    """Train by behaviour cloning of expert episodes, with bins by cross-entropy."""
-    config = CloneConfig(bins=bins, **shared_config(spec, spec.budget.gradient_steps[spec.is_distribution]))
+    """Train by behaviour cloning of expert episodes; with bins, and on tracks, by cross-entropy."""
+    config = CloneConfig(
+        bins=bins or bins_of(spec.target), **shared_config(spec, spec.budget.gradient_steps[spec.is_distribution])
+    )
     oracle, planning_s = oracle_for(spec, spec.budget.expert_rollouts)
     best = BestPolicy(config, on_validation=oracle.add_cost)
     model = untrained_policy(config)
@@ -87,10 +103,12 @@ def train_bc(spec: RunSpec, bins: tuple[int, int] | None = None) -> TrainedAgent
 
 @torch_threads()
 def train_dagger(spec: RunSpec, bins: tuple[int, int] | None = None) -> TrainedAgent:
-    """Train by DAgger, until K* is reached on a scenario or the budget is spent; with bins by cross-entropy."""
+    """Train by DAgger, until K* is reached on a scenario or the budget is spent; bins as in `train_bc`."""
     budget, which = spec.budget, spec.is_distribution
     shared = shared_config(spec, budget.round_gradient_steps[which])
-    config = DaggerConfig(bins=bins, rounds=budget.rounds[which], max_seconds=budget.dagger_s, **shared)
+    config = DaggerConfig(
+        bins=bins or bins_of(spec.target), rounds=budget.rounds[which], max_seconds=budget.dagger_s, **shared
+    )
     oracle, planning_s = oracle_for(spec, budget.expert_rollouts // 2)
     best = BestPolicy(config, target=spec.k_star, on_validation=oracle.add_cost)
     model = dagger(untrained_policy(config), oracle, config, best)

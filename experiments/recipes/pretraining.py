@@ -2,8 +2,7 @@
 
 On a scenario, DAgger imitates an LQR around the optimal flight with margins (`experiments.recipes.margins`). Starts and
 actions are perturbed widely at first, then closely. Training ends when the policy reaches the steps of that flight or
-the rounds are over. On tracks the actor is categorical: the squared error averages labels on either side of a switch,
-and the small errors of hundreds of steps add up to a missed hoop.
+the rounds are over. On tracks the actor is categorical (`experiments.recipes.imitation.bins_of`).
 
 On a distribution, DAgger starts from optimal flights of sampled scenarios. Three experts label the policy's episodes:
 LQRs around these flights, new optimal plans after the last hoop, and the PD controller after a missed hoop.
@@ -33,7 +32,7 @@ from agents.policies.compact import rounded
 from agents.training.threads import torch_threads
 from experiments.files import USER_RESULTS, plain, write_json
 from experiments.provenance import provenance
-from experiments.recipes.imitation import DISTRIBUTION_NETWORK
+from experiments.recipes.imitation import DISTRIBUTION_NETWORK, bins_of
 from experiments.recipes.margins import HOOP_SHARE, robust_flight
 from flatgym import DISTRIBUTIONS, Distribution, Scenario
 from flatgym.scenarios import catalogue
@@ -50,10 +49,6 @@ STAGES = (
 The second stage runs only if the first does not reach the steps of the expert. The rounds end it, not the time: a slow
 machine trains the same policy.
 """
-TRACK_BINS = (21, 81)
-"""Bins of the actor on tracks: fine enough for the LQR to fly with actions rounded to these levels."""
-NOT_ROUNDED = {"ladder"}
-"""Tracks that the LQR does not fly with rounded actions, however fine. The actor is fitted by the squared error."""
 RANDOM_GOAL = DaggerConfig(
     **DISTRIBUTION_NETWORK, gradient_steps=3500, rounds=8, max_seconds=3600.0, n_eval_episodes=300
 )
@@ -113,8 +108,7 @@ def _trained(
 
 def stages_of(scenario: Scenario, name: str, seed: int) -> list[tuple[DaggerConfig, float]]:
     """Return both stages of a scenario, by its name or JSON text: configuration, and spread of starts and actions."""
-    rounded = len(scenario.hoops) > 1 and catalogue.label(scenario) not in NOT_ROUNDED
-    bins = TRACK_BINS if rounded else None
+    bins = bins_of(scenario)
     return [(replace(config, scenario=name, seed=seed, bins=bins), spread) for config, spread in STAGES]
 
 

@@ -4,20 +4,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
-from agents.controllers.tracking import OpenLoop
+from agents.controllers.tracking import OpenLoop, TrackingControllers
 from agents.evaluation.rollouts import fly
 from agents.imitation.cloning import untrained_policy
 from agents.imitation.dataset_aggregation import DaggerConfig
+from agents.policies.categorical import BinnedDistribution
 from experiments.files import write_json
 from experiments.recipes import run_spec
 from experiments.recipes.baselines import PolicyPerVehicle
-from experiments.recipes.imitation import BINS, oracle_for
+from experiments.recipes.imitation import BINS, bins_of, oracle_for
+from experiments.recipes.margins import robust_flight
 from experiments.recipes.plans import plan_flights
 from experiments.recipes.registry import LEARNERS
 from experiments.recipes.run_spec import RunSpec
-from flatgym import DISTRIBUTIONS
+from flatgym import DISTRIBUTIONS, SCENARIOS, task
 from flatgym.scenarios.reference import EVALUATION_SEED, drawn_k_star
+from flatgym.task.scene import FLYING, GOAL, Scene
 
 BUDGET = replace(run_spec.SMOKE, demonstrations=3)
 
@@ -64,3 +68,25 @@ def test_env_steps_and_expert_labels_are_counted(spec, problem):
 def test_categorical_recipes_train_a_categorical_actor(tmp_path, agent):
     trained = LEARNERS[agent](RunSpec("horizontal-3", 0, tmp_path, BUDGET))
     assert trained.policy.policy.bins == trained.configs[0].bins == BINS
+
+
+def flown_rounded(scenario):
+    """Return the outcome of the LQR around the expert flight with actions rounded to BINS."""
+    controllers, levels = TrackingControllers([robust_flight(scenario)]), BinnedDistribution(BINS)
+    scene, first, point = Scene.of([scenario]), np.zeros(1, dtype=int), np.full(1, -1)
+    episode = task.initial(scene)
+    while episode.outcome[0] == FLYING:
+        point, off, _ = controllers.nearest(first, episode.state, point)
+        rounded = levels.levels(levels.numbers(torch.from_numpy(controllers.action(first, point, off)))).numpy()
+        episode = task.advance(scene, episode, scenario.quadrotor.control(rounded))
+    return episode.outcome[0]
+
+
+@pytest.mark.parametrize("name", ["slalom", "split-s", "figure-eight", "ladder"])
+def test_the_actor_of_a_track_has_bins_if_the_expert_flies_with_actions_rounded_to_them(name):
+    assert (bins_of(SCENARIOS[name]) is not None) == (flown_rounded(SCENARIOS[name]) == GOAL)
+
+
+@pytest.mark.parametrize("problem", [SCENARIOS["hoop"], DISTRIBUTIONS["random-track"]])
+def test_other_actors_are_fitted_by_the_squared_error(problem):
+    assert bins_of(problem) is None

@@ -3,19 +3,13 @@
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
-import torch
 
 from agents import policies
-from agents.controllers.tracking import TrackingControllers
 from agents.imitation.dataset_aggregation import DaggerConfig
-from agents.policies.categorical import BinnedDistribution
 from experiments.recipes import pretraining
-from experiments.recipes.margins import robust_flight
-from flatgym import DISTRIBUTIONS, SCENARIOS, task
+from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.scenarios import catalogue
-from flatgym.task.scene import FLYING, GOAL, Scene
 
 
 @pytest.fixture
@@ -78,28 +72,3 @@ def test_a_distribution_without_a_configuration_is_refused_before_any_training(t
     with pytest.raises(ValueError, match=f"no configuration for the distribution random-goal-{own.digest[:8]}"):
         pretraining.pretrain([own, "hoop"], 0, tmp_path)
     assert list(tmp_path.iterdir()) == []
-
-
-def flown_rounded(scenario, bins):
-    """Return the outcome of the LQR around the expert flight with actions rounded to bins."""
-    controllers, levels = TrackingControllers([robust_flight(scenario)]), BinnedDistribution(bins)
-    scene, first, point = Scene.of([scenario]), np.zeros(1, dtype=int), np.full(1, -1)
-    episode = task.initial(scene)
-    while episode.outcome[0] == FLYING:
-        point, off, _ = controllers.nearest(first, episode.state, point)
-        action = torch.from_numpy(controllers.action(first, point, off))
-        rounded = levels.levels(levels.numbers(action)).numpy()
-        episode = task.advance(scene, episode, scenario.quadrotor.control(rounded))
-    return episode.outcome[0]
-
-
-@pytest.mark.parametrize("name", ["slalom", "split-s", "figure-eight", "ladder"])
-def test_the_actor_of_a_track_has_bins_if_the_expert_flies_with_actions_rounded_to_them(name):
-    scenario = SCENARIOS[name]
-    (first, _), (second, _) = pretraining.stages_of(scenario, name, 0)
-    assert first.bins == second.bins
-    assert (first.bins is not None) == (flown_rounded(scenario, pretraining.TRACK_BINS) == GOAL)
-
-
-def test_the_actor_of_a_scenario_of_one_hoop_is_continuous():
-    assert {config.bins for config, _ in pretraining.stages_of(SCENARIOS["hoop"], "hoop", 0)} == {None}
