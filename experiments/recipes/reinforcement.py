@@ -19,7 +19,7 @@ TUNED: dict[str, dict[str, Any]] = {
     "drop": {"turns": -1},
     "high-hoop": {"turns": 1, "guidance": True, "target_kl_end": 0.1},
     "slalom": {"turns": 2},
-    "loop": {"turns": -1},
+    "loop": {"turns": -1, "guidance": False},
     "split-s": {"turns": 1},
     "figure-eight": {"turns": 1},
     "slalom-6": {"turns": 3},
@@ -38,9 +38,8 @@ def train_ppo(spec: RunSpec, name: str = "ppo", **values: Any) -> TrainedAgent:
     if spec.is_distribution:
         own["width"] = DISTRIBUTION_WIDTH
     own["guidance"] = spec.size > 0
-    own |= TUNED.get(spec.label, {})
-    if "turns" in own:
-        own |= TURNING
+    tuned = TUNED.get(spec.label, {})
+    own |= (TURNING if "turns" in tuned else {}) | tuned
     return train_or_resume(spec, PPOConfig(**common(spec, name) | own | values))
 
 
