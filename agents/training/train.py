@@ -1,6 +1,6 @@
 """Train on a scenario or a distribution: a flat configuration in, the best policy and its learning curve out.
 
-    train(PPOConfig(scenario="hoop", folder="runs/hoop"))                 # 72 steps after 3.6 million
+    train(PPOConfig(scenario="hoop", folder="runs/hoop"))                 # 70 steps after 3.2 million
     train(PPOConfig(scenario="hoop", policy="cloned.zip", tolerance=1.0)) # fine-tunes an existing policy
 
 Training from plain resets does not learn. It takes start states generated backwards from the goal, a tolerance that
