@@ -162,9 +162,9 @@ class PPOCallback(TrainingCallback):
         return None if stored is None or not isinstance(problem, Scenario) else Flight(problem, *stored)
 
     def finish(self) -> None:
-        """Validate the policy, and fit it to the best flight until it flies in as few steps."""
+        """Validate the policy; after the warmup, fit it to the best flight until it flies in as few steps."""
         super().finish()
-        if (flight := self.flight) is None:
+        if (flight := self.flight) is None or self.progress.rollouts <= self.warmup:
             return
         for group in self.model.policy.optimizer.param_groups:
             group["lr"] = self.config.learning_rate

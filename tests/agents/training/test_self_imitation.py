@@ -95,3 +95,16 @@ def test_a_training_ends_with_a_policy_as_fast_as_its_best_flight(tmp_path, self
         assert training.best["steps"] <= len(stored[0])
         assert len(replay_to_goal(EASY, stored[0].numpy())) == len(stored[0]) + 1
     assert json.loads((tmp_path / "config.json").read_text())["self_imitation"] == self_imitation
+
+
+def test_during_warmup_the_actor_imitates_nothing(tmp_path):
+    config = PPOConfig(
+        scenario=EASY.to_json(), env_steps=2048, num_envs=64, n_steps=16, batch_size=256, tolerance=1.0, width=16,
+        self_imitation=0, folder=str(tmp_path / "first"),
+    )  # fmt: skip
+    policy, folder = train(config).model, tmp_path / "second"
+    train(replace(config, self_imitation=8, policy=str(policy), value_warmup=100, folder=str(folder)))
+    flight = torch.load(folder / "checkpoint.pt", weights_only=True)["progress"]["flight"]
+    points = [json.loads(line) for line in (folder / "curve.jsonl").read_text().splitlines()]
+    assert flight is not None
+    assert len({(point["outcome"], point["steps"]) for point in points}) == 1
