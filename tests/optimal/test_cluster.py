@@ -66,15 +66,7 @@ finally:
 
 
 def test_a_lost_machine_loses_nothing_and_answers_are_those_of_one_machine(tmp_path):
-    settings = {key: value for key, value in os.environ.items() if key != "RAY_ADDRESS"} | SETTINGS
-    script = subprocess.run(
-        [sys.executable, "-c", TWO_NODES, str(tmp_path), *NAMES],
-        env=settings,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert script.returncode == 0, script.stderr
+    run_script(TWO_NODES, str(tmp_path), *NAMES)
     run = json.loads((tmp_path / "answers.json").read_text())  # not from standard output, which Ray's threads share
     here = {answer.scenario.name: answer.time for answer in solve_many(NAMES, jobs=1, windings=(0,))}
     assert run["times"] == here
@@ -85,6 +77,15 @@ def test_a_lost_machine_loses_nothing_and_answers_are_those_of_one_machine(tmp_p
     places = {place for _, place in begun}
     assert len(places) == 2, "both machines worked"
     assert len(begun) > len(NAMES), "what ran on the lost machine ran again"
+
+
+def run_script(script, *arguments):
+    """Run a script with Ray in a process of its own."""
+    settings = {key: value for key, value in os.environ.items() if key != "RAY_ADDRESS"} | SETTINGS
+    run = subprocess.run(
+        [sys.executable, "-c", script, *arguments], env=settings, capture_output=True, text=True, timeout=120
+    )
+    assert run.returncode == 0, run.stderr
 
 
 @pytest.mark.parametrize("form", ["127.0.0.1:{}", "ray://127.0.0.1:{}", "localhost:{}"])
