@@ -86,7 +86,7 @@ def random_tracks(quick: bool, advance: Advance) -> list[Row]:
 
     A row a track, then a total.
     """
-    count, budget = (1, 2.0) if quick else (DRAWS, DRAW_BUDGET)
+    count, budget = (1, 0.3) if quick else (DRAWS, DRAW_BUDGET)
     tracks = [DISTRIBUTIONS["random-track"].scenario(EVALUATION_SEED + i) for i in range(count)]
     rows = in_parallel(random_track, [(track, budget) for track in tracks], advance)
     gaps = [row["gap"] for row in rows]

@@ -55,7 +55,7 @@ def test_targets_are_checked(rows):
         "imports": [0.35, 0],
         "sb3": [20],
         "ppo": [1.5],
-        "memory": [1, 1, 1, 1],
+        "memory": [1, 1],
         "libraries": [1e6],
         "agreement": [1.0, 1.0],
     }
