@@ -142,10 +142,11 @@ def pretrain(
         Path | None, typer.Option(help="Folder of the policies and their cards.", show_default="that of the package")
     ] = None,
 ) -> None:
-    """Train pretrained policies again: DAgger under experts, one policy for each scenario or distribution.
+    """Train pretrained policies again, one for each scenario or distribution, by DAgger under experts.
 
-    Policies of distributions train one after the other on all cores, those of scenarios in parallel. A scenario takes
-    minutes, a distribution up to an hour.
+    Where DAgger has no configuration, on `random-track` and distributions of your own, PPO trains by reward. Policies
+    of distributions train one after the other, those of scenarios in parallel. A scenario takes minutes, a distribution
+    up to an hour.
     """
     from agents.policies.archive import PRETRAINED
     from experiments.recipes import pretraining

@@ -8,12 +8,15 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from agents.imitation.dataset_aggregation import DaggerConfig
+from agents.training.configs import PPOConfig
 from experiments.benchmark.formats import format_count
 from experiments.files import Row, plain
 from experiments.formats import format_percent, percent
 from experiments.publishing.markdown import markdown, paragraph
-from experiments.recipes.pretraining import DISTRIBUTION_CONFIGS, stages_of
-from flatgym import SCENARIOS
+from experiments.recipes.pretraining import DISTRIBUTION_CONFIGS, stages_of, without_folder
+from experiments.recipes.reinforcement import ppo_config
+from experiments.recipes.run_spec import RunSpec
+from flatgym import DISTRIBUTIONS, SCENARIOS
 
 HEAD = ["policy", "algorithm", "success", "steps", "K*", "gap to K*", "env steps", "training time [s]", "size [kB]"]
 
@@ -57,22 +60,24 @@ def same_recipe(card: Row, today: list[Row]) -> bool:
     Fields that its card lacks did not exist and had the effect of their default. A time limit that was not reached had
     none.
     """
-    filled, seconds = plain(asdict(DaggerConfig())), card["score"]["wall_time_s"]
+    seconds = card["score"]["wall_time_s"]
+    filled = {kind.__name__: plain(asdict(kind())) for kind in (DaggerConfig, PPOConfig)}
 
-    def effective(configs: list[Row]) -> list[Row]:
-        return [
-            {key: value for key, value in (filled | config).items() if key != "max_seconds" or value <= seconds}
-            for config in configs
-        ]
+    def effective(config: Row) -> Row:
+        values = filled[config["kind"]] | config
+        return {key: value for key, value in values.items() if key != "max_seconds" or value <= seconds}
 
-    return effective(card.get("configs", [])) == effective(today)
+    return [effective(config) for config in card.get("configs", [])] == [effective(config) for config in today]
 
 
 def current_configs(name: str, card: Row) -> list[Row]:
     """Return the configurations that today's recipe of a policy uses, in the form of a card."""
     seed = card["seed"]
+    used: Sequence[DaggerConfig | PPOConfig]
     if name in DISTRIBUTION_CONFIGS:
         used = [replace(DISTRIBUTION_CONFIGS[name], scenario=name, seed=seed)]
+    elif name in DISTRIBUTIONS:
+        used = [without_folder(ppo_config(RunSpec(name, seed, Path())))]
     else:
         used = [config for config, _ in stages_of(SCENARIOS[name], name, seed)]
     return [plain({"kind": type(config).__name__} | asdict(config)) for config in used]

@@ -7,6 +7,9 @@ the rounds are over. On tracks the actor is categorical (`experiments.recipes.im
 On a distribution, DAgger starts from optimal flights of sampled scenarios. Three experts label the policy's episodes:
 LQRs around these flights, new optimal plans after the last hoop, and the PD controller after a missed hoop.
 
+On a distribution without a configuration of DAgger, `random-track` among them, PPO trains by reward alone: the
+thousands of optimal flights that DAgger needs would take hours to plan.
+
 Each policy has a card: its configuration, seed, command, versions, training time and score.
 """
 
@@ -29,11 +32,15 @@ from agents.imitation.dataset_aggregation import DaggerConfig, dagger
 from agents.imitation.oracles import combined_oracle, lqr_oracle
 from agents.imitation.selection import BestPolicy
 from agents.policies.compact import rounded
+from agents.training.configs import PPOConfig
 from agents.training.threads import torch_threads
-from experiments.files import USER_RESULTS, plain, write_json
+from agents.training.train import train
+from experiments.files import USER_RESULTS, cache_folder, plain, write_json
 from experiments.provenance import provenance
 from experiments.recipes.imitation import DISTRIBUTION_NETWORK, bins_of
 from experiments.recipes.margins import HOOP_SHARE, robust_flight
+from experiments.recipes.reinforcement import ppo_config
+from experiments.recipes.run_spec import RunSpec
 from flatgym import DISTRIBUTIONS, Distribution, Scenario
 from flatgym.scenarios import catalogue
 from flatgym.scenarios.catalogue import Problem, ProblemLike
@@ -53,12 +60,14 @@ RANDOM_GOAL = DaggerConfig(
     **DISTRIBUTION_NETWORK, gradient_steps=3500, rounds=8, max_seconds=3600.0, n_eval_episodes=300
 )
 THROUGH_HOOPS = replace(RANDOM_GOAL, width=256, rounds=16)
-DISTRIBUTION_CONFIGS = {"random-goal": RANDOM_GOAL, "random-hoops": THROUGH_HOOPS, "random-track": THROUGH_HOOPS}
-"""Training configurations of the distributions."""
-N_FLIGHTS = {"random-goal": 2600, "random-hoops": 3000, "random-track": 1500}
+DISTRIBUTION_CONFIGS = {"random-goal": RANDOM_GOAL, "random-hoops": THROUGH_HOOPS}
+"""Configurations of DAgger on distributions."""
+N_FLIGHTS = {"random-goal": 2600, "random-hoops": 3000}
 """Numbers of optimal flights to start from."""
 STORE = USER_RESULTS / "flights"
 """Folder of the optimal flights of sampled scenarios."""
+TRAININGS = USER_RESULTS / "pretraining"
+"""Folder of the trainings by reward; an interrupted one resumes."""
 Card = dict[str, Any]
 
 
@@ -70,27 +79,19 @@ def pretrain(
     Distributions are trained one by one, on all cores; then scenarios, one on each core.
 
     Args:
-        tasks: scenarios, one's own too, and distributions with a configuration.
+        tasks: scenarios and distributions, one's own too.
         seed: of all trainings.
         out: folder of policies and cards, which bear the labels of the tasks.
         watch: receives each validation point of a distribution's training.
 
     Raises:
-        ValueError: for an unknown task, and for a distribution without a configuration, before any training.
+        ValueError: for an unknown task, before any training.
     """
 
     def arguments(task: Problem) -> tuple[str, int, Path, str]:
         return catalogue.text(task), seed, out, f"flatquad pretrain {catalogue.label(task)} --seed {seed}"
 
     problems = [catalogue.problem(task) for task in tasks]
-    distributions = [problem for problem in problems if isinstance(problem, Distribution)]
-    for distribution in distributions:
-        if catalogue.label(distribution) not in DISTRIBUTION_CONFIGS:
-            known = ", ".join(DISTRIBUTION_CONFIGS)
-            raise ValueError(
-                f"no configuration for the distribution {catalogue.label(distribution)}: pretraining knows {known}, "
-                "and any scenario"
-            )
     return _trained(problems, arguments, watch)
 
 
@@ -101,7 +102,8 @@ def _trained(
 ) -> Iterator[Card]:
     for problem in problems:
         if isinstance(problem, Distribution):
-            yield pretrain_distribution(*arguments(problem), watch=watch)
+            imitates = catalogue.label(problem) in DISTRIBUTION_CONFIGS
+            yield (pretrain_distribution if imitates else pretrain_by_reward)(*arguments(problem), watch=watch)
     calls = [joblib.delayed(pretrain_scenario)(*arguments(task)) for task in problems if isinstance(task, Scenario)]
     yield from parallel_results(calls, -1, "generator_unordered")
 
@@ -126,7 +128,7 @@ def pretrain_scenario(name: str, seed: int, out: Path, command: str) -> Card:
             model = dagger(model, oracle, config, best)
     training_s = time.perf_counter() - began
     policies.save(model, out / f"{label}.zip", name)
-    score = score_row(model, name, 1, best, training_s, command)
+    score = score_row(model, name, 1, "DAgger", best.env_steps, training_s, command)
     return write_card(out / f"{label}.json", seed, command, [config for config, _ in stages], best.curve, score)
 
 
@@ -146,22 +148,43 @@ def pretrain_distribution(
         model = dagger(untrained_policy(config), oracle, config, best)
     training_s = time.perf_counter() - began
     policies.save(rounded(model), out / f"{name}.zip", name)
-    score = score_row(model, name, protocol_episodes(name), best, training_s, command)
+    score = score_row(model, name, protocol_episodes(name), "DAgger", best.env_steps, training_s, command)
     cost = {"planning_s": round(planned - began, 1), "flights": len(flights), "planned_before": stored}
     return write_card(out / f"{name}.json", seed, command, [config], best.curve, score, **cost)
 
 
-def score_row(model: Any, name: str, episodes: int, best: BestPolicy, training_s: float, command: str) -> Card:
+def pretrain_by_reward(
+    name: str, seed: int, out: Path, command: str, watch: Callable[[Point], Any] = lambda _: None
+) -> Card:
+    """Train PPO on a distribution, by its name or JSON text, write the policy and its card, and return the card."""
+    spec = RunSpec(name, seed, TRAININGS)
+    config = ppo_config(spec)
+    done = train(config, resume=True, on_validation=watch)
+    model = rounded(policies.load(done.model, trust=True))
+    policies.save(model, out / f"{spec.label}.zip", name)
+    score = score_row(model, name, protocol_episodes(name), "PPO", done.env_steps, done.wall_time_s, command)
+    return write_card(out / f"{spec.label}.json", seed, command, [without_folder(config)], done.curve, score)
+
+
+def without_folder(config: PPOConfig) -> PPOConfig:
+    """Return a configuration with the default folder: a card tells nothing about the machine's folders."""
+    return replace(config, folder=PPOConfig.folder)
+
+
+def score_row(
+    model: Any, name: str, episodes: int, algorithm: str, env_steps: int, training_s: float, command: str
+) -> Card:
     """Return the score row of a trained policy."""
     rows = evaluate(
         model,
         name,
         episodes,
         agent=catalogue.label(name),
-        algorithm="DAgger",
-        env_steps=best.env_steps,
+        algorithm=algorithm,
+        env_steps=env_steps,
         wall_time_s=round(training_s, 1),
         command=command,
+        store=cache_folder(),
     )
     return dict(rows.iloc[0])
 

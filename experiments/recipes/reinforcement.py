@@ -33,14 +33,19 @@ keeps both limits of the thrust in play until the turn is learnt."""
 
 
 def train_ppo(spec: RunSpec, name: str = "ppo", **values: Any) -> TrainedAgent:
-    """Train PPO; `values` replace fields of its configuration, and `name` is that of the agent."""
+    """Train PPO; arguments as of `ppo_config`."""
+    return train_or_resume(spec, ppo_config(spec, name, **values))
+
+
+def ppo_config(spec: RunSpec, name: str = "ppo", **values: Any) -> PPOConfig:
+    """Return the configuration of PPO for a task; `values` replace its fields, and `name` is that of the agent."""
     own: dict[str, Any] = {"max_seconds": spec.budget.ppo_s[spec.size], "env_steps": spec.budget.ppo_steps[spec.size]}
     if spec.is_distribution:
         own["width"] = DISTRIBUTION_WIDTH
     own["guidance"] = spec.size > 0
     tuned = TUNED.get(spec.label, {})
     own |= (TURNING if "turns" in tuned else {}) | tuned
-    return train_or_resume(spec, PPOConfig(**common(spec, name) | own | values))
+    return PPOConfig(**common(spec, name) | own | values)
 
 
 def train_gaussian_ppo(spec: RunSpec) -> TrainedAgent:

@@ -7,7 +7,9 @@ import pytest
 
 from agents import policies
 from agents.imitation.dataset_aggregation import DaggerConfig
+from agents.training.configs import PPOConfig
 from experiments.recipes import pretraining
+from experiments.recipes.reinforcement import ppo_config
 from flatgym import DISTRIBUTIONS, SCENARIOS
 from flatgym.scenarios import catalogue
 
@@ -67,8 +69,22 @@ def test_a_scenario_of_ones_own_has_a_policy_named_by_its_content(tmp_path, monk
     ]
 
 
-def test_a_distribution_without_a_configuration_is_refused_before_any_training(tmp_path):
+def test_a_distribution_without_dagger_is_trained_by_reward_and_resumes(tmp_path, monkeypatch):
+    brief = {"env_steps": 256, "num_envs": 4, "batch_size": 64, "width": 16, "n_eval_episodes": 2}
+    monkeypatch.setattr(pretraining, "TRAININGS", tmp_path / "trainings")
+    monkeypatch.setattr(pretraining, "ppo_config", lambda spec: ppo_config(spec, **brief))
+    monkeypatch.setattr(pretraining, "protocol_episodes", lambda _: 3)
     own = replace(DISTRIBUTIONS["random-goal"], half_width=4.0)
-    with pytest.raises(ValueError, match=f"no configuration for the distribution random-goal-{own.digest[:8]}"):
-        pretraining.pretrain([own, "hoop"], 0, tmp_path)
-    assert list(tmp_path.iterdir()) == []
+    name, seen = f"random-goal-{own.digest[:8]}", []
+    (card,) = pretraining.pretrain([own], 2, tmp_path, seen.append)
+    assert json.loads((tmp_path / f"{name}.json").read_text()) == card
+    assert [(config["kind"], config["folder"], config["seed"]) for config in card["configs"]] == [
+        ("PPOConfig", PPOConfig.folder, 2)
+    ]
+    assert (card["score"]["algorithm"], card["score"]["env_steps"], card["score"]["episodes"]) == ("PPO", 256, 3)
+    assert card["curve"] == seen
+    assert policies.load(tmp_path / f"{name}.zip", trust=True).observation_space.shape == (19,)
+    policy = (tmp_path / f"{name}.zip").read_bytes()
+    (again,) = pretraining.pretrain([own], 2, tmp_path)
+    assert again["score"]["env_steps"] == 256
+    assert (tmp_path / f"{name}.zip").read_bytes() == policy, "a finished training is not repeated"
