@@ -5,6 +5,7 @@ fly(policy, "random-goal", episodes=100, seed=0).steps
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -31,16 +32,21 @@ class Episodes:
     Attributes:
         steps: environment steps of each episode, shape (n,).
         outcomes: outcome of each episode, n words of OUTCOMES.
-        hoops_passed: hoops passed in each episode, shape (n,).
+        passed: hoops passed at each state, n arrays of shape (K+1,).
         states: states of each episode, n arrays of shape (K+1, 5).
         actions: actions of each episode, clipped to the action space, n float32 arrays of shape (K, 2).
     """
 
     steps: NDArray[np.int64]
     outcomes: tuple[str, ...]
-    hoops_passed: NDArray[np.int64]
+    passed: tuple[NDArray[np.int64], ...]
     states: tuple[Array, ...]
     actions: tuple[NDArray[np.float32], ...]
+
+    @property
+    def hoops_passed(self) -> NDArray[np.int64]:
+        """Hoops passed in each episode, shape (n,)."""
+        return np.array([passed[-1] for passed in self.passed])
 
 
 def fly(
@@ -71,8 +77,8 @@ def fly(
         episodes, scenario=problem, reward="sparse", observation=observation, **asdict(disturbances)
     )
     observations, infos = envs.reset(seed=seed)
-    states, actions, memory = [infos["state"]], [], None
-    steps, passed = np.zeros((2, episodes), dtype=np.int64)
+    states, passed, actions, memory = [infos["state"]], [infos["hoops_passed"]], [], None
+    steps = np.zeros(episodes, dtype=np.int64)
     outcomes = np.full(episodes, OUTCOMES[0], dtype=object)
     starts, ended = np.ones(episodes, dtype=bool), np.zeros(episodes, dtype=bool)
     while (flying := outcomes == OUTCOMES[0]).any():
@@ -83,15 +89,21 @@ def fly(
         starts, ended = ended, terminated | truncated
         actions.append(flown)
         states.append(infos["state"])
+        passed.append(infos["hoops_passed"])
         steps[flying], outcomes[flying] = infos["steps"][flying], infos["outcome"][flying]
-        passed[flying] = infos["hoops_passed"][flying]
     return Episodes(
         steps,
         tuple(map(str, outcomes)),
-        passed,
-        tuple(np.array([state[i] for state in states[: steps[i] + 1]]) for i in range(episodes)),
-        tuple(np.array([action[i] for action in actions[: steps[i]]]) for i in range(episodes)),
+        by_episode(passed, steps + 1),
+        by_episode(states, steps + 1),
+        by_episode(actions, steps),
     )
+
+
+def by_episode(rows: Sequence[NDArray[Any]], counts: NDArray[np.int64]) -> tuple[NDArray[Any], ...]:
+    """Return the first `counts[i]` entries of episode i, from rows with an entry for each of n episodes."""
+    together = np.array(rows)
+    return tuple(together[:count, i].copy() for i, count in enumerate(counts))
 
 
 def in_space(action: Any) -> NDArray[np.float32]:

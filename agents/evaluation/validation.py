@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.evaluation.rollouts import Episodes, fly
 from agents.policies.policy import Policy
@@ -23,8 +22,7 @@ from flatgym.scenarios import catalogue
 from flatgym.scenarios.catalogue import ProblemLike
 from flatgym.scenarios.reference import EVALUATION_SEED
 from flatgym.scenarios.scenario import Scenario
-from flatgym.task.rollout import episode_outcomes
-from flatgym.task.scene import Scene
+from flatgym.task.scene import EpisodeState, Scene
 from flatgym.task.shaping import remaining_path_length
 
 VALIDATION_SEED = EVALUATION_SEED - 100_000
@@ -62,8 +60,8 @@ class Validation:
         curve: list[Point] | None = None,
     ) -> None:
         self.problem, self.seed, self.target = catalogue.problem(problem), seed, target
-        self._scenarios = validation_scenarios(self.problem, episodes, seed)
-        self.episodes = len(self._scenarios)
+        self._scene = Scene.of(validation_scenarios(self.problem, episodes, seed))
+        self.episodes = len(self._scene)
         self.curve: list[Point] = [] if curve is None else curve
 
     @property
@@ -80,7 +78,7 @@ class Validation:
             wall_time: wall time of the training so far [s].
         """
         flights = fly(policy, self.problem, self.episodes, self.seed)
-        point = {"env_steps": env_steps, "wall_time_s": round(wall_time, 1)} | statistics(flights, self._scenarios)
+        point = {"env_steps": env_steps, "wall_time_s": round(wall_time, 1)} | statistics(flights, self._scene)
         improved = all(rank(point) > rank(other) for other in self.curve)
         self.curve.append(point)
         return improved
@@ -111,20 +109,19 @@ def best_of(curve: Sequence[Point]) -> Point | None:
     return best if best and best["success_rate"] > 0 else None
 
 
-def statistics(flights: Episodes, scenarios: Sequence[Scenario]) -> Point:
+def statistics(flights: Episodes, scene: Scene) -> Point:
     """Return the most frequent outcome, the success rate, and the mean steps of the successes (of all if none).
 
     Before the first success, two values tell how near the flights come: the mean number of hoops passed, and the mean
     of the least length of the way through the hoops ahead to the goal [m], which is 0 for a success.
 
     Args:
-        flights: episodes without disturbances.
-        scenarios: their scenarios.
+        flights: n episodes without disturbances.
+        scene: their scenarios.
     """
     succeeded = np.array([word == "goal" for word in flights.outcomes])
     steps = float(flights.steps[succeeded].mean() if succeeded.any() else flights.steps.mean())
-    flown = zip(flights.outcomes, scenarios, flights.states, flights.actions, strict=True)
-    left = [0.0 if word == "goal" else way_left(one, states, actions) for word, one, states, actions in flown]
+    left = np.where(succeeded, 0.0, least_ways(flights, scene))
     return {
         "outcome": Counter(flights.outcomes).most_common(1)[0][0],
         "success_rate": float(succeeded.mean()),
@@ -134,7 +131,10 @@ def statistics(flights: Episodes, scenarios: Sequence[Scenario]) -> Point:
     }
 
 
-def way_left(scenario: Scenario, states: Array, actions: NDArray[np.float32]) -> float:
-    """Return the least length of the way through the hoops ahead to the goal during a flight [m]."""
-    flown = episode_outcomes(scenario, states, actions)
-    return float(remaining_path_length(Scene.of([scenario]).repeat(len(actions)), flown).min())
+def least_ways(flights: Episodes, scene: Scene) -> Array:
+    """Return the least length of the way through the hoops ahead to the goal during each flight [m], shape (n,)."""
+    counts = flights.steps + 1
+    states, passed = np.concatenate(flights.states), np.concatenate(flights.passed)
+    nothing = np.zeros_like(passed)
+    ways = remaining_path_length(scene.repeat(counts), EpisodeState(states, nothing, passed, nothing))
+    return np.minimum.reduceat(ways, np.cumsum(counts) - counts)

@@ -104,8 +104,8 @@ class Scene:
     def __len__(self) -> int:
         return len(self.start)
 
-    def repeat(self, n: int) -> Scene:
-        """Return the scene with each scenario repeated n times."""
+    def repeat(self, n: Any) -> Scene:
+        """Return the scene with each scenario repeated n times, one number or a number for each."""
         arrays: dict[str, Any] = {name: np.repeat(value, n, axis=0) for name, value in self._arrays().items()}
         return replace(self, **arrays)
 
