@@ -56,12 +56,16 @@ def fly_conditions(policy: Policy, spec: RunSpec, agent: str) -> Row:
 
 
 def episode_count(spec: RunSpec, agent: str, condition: str) -> int:
-    """Return the number of episodes: one suffices for the nominal condition on a scenario, which is deterministic."""
-    budget = spec.budget
+    """Return the number of episodes, on a distribution at most that of `protocol_episodes`, whose K* are shipped.
+
+    One suffices for the nominal condition on a scenario, which is deterministic.
+    """
+    budget, protocol = spec.budget, protocol_episodes(spec.target)
     if condition == NOMINAL and not spec.is_distribution:
         return 1
     if agent == "mpc":
         return budget.mpc_episodes
+    most = protocol if spec.is_distribution else budget.disturbed_episodes
     if condition != NOMINAL or agent in ("expert", "open-loop"):  # which need a plan for each episode
-        return budget.disturbed_episodes
-    return min(budget.nominal_episodes, protocol_episodes(spec.target))
+        return min(budget.disturbed_episodes, most)
+    return min(budget.nominal_episodes, most)
