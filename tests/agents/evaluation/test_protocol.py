@@ -30,7 +30,7 @@ def test_the_number_of_episodes_is_that_of_the_page(problem, episodes):
 
 
 def test_as_many_episodes_as_have_a_shipped_k_star():
-    for name in ("random-goal", "random-hoops"):
+    for name in DISTRIBUTIONS:
         count = protocol_episodes(name)
         known = drawn_k_star(name, EVALUATION_SEED + np.arange(count + 1)).k_star
         assert np.isfinite(known[:count]).all()

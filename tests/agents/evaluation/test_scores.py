@@ -99,11 +99,11 @@ def test_a_failing_policy_has_no_gap(optimum):
     assert row.outcomes == {"out-of-bounds": 2}
 
 
-@pytest.mark.parametrize("name", ["random-goal", "random-hoops"])
-def test_a_distribution_is_scored_on_the_evaluation_seeds_without_a_solver(name, no_solver):  # noqa: ARG001
-    rows = episode_rows(OpenLoop([DROP]), name, episodes=300)
-    known = drawn_k_star(name, EVALUATION_SEED + np.arange(300))
-    assert np.array_equal(rows["seed"], EVALUATION_SEED + np.arange(300))
+@pytest.mark.parametrize(("name", "count"), [("random-goal", 300), ("random-hoops", 300), ("random-track", 100)])
+def test_a_distribution_is_scored_on_the_evaluation_seeds_without_a_solver(name, count, no_solver):  # noqa: ARG001
+    rows = episode_rows(OpenLoop([DROP]), name, episodes=count)
+    known = drawn_k_star(name, EVALUATION_SEED + np.arange(count))
+    assert np.array_equal(rows["seed"], EVALUATION_SEED + np.arange(count))
     assert np.array_equal(rows["k_star"], known.k_star)
     assert np.array_equal(rows["proven"], known.proven)
     assert set(rows["scenario"]) == {name}
