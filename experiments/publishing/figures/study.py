@@ -25,27 +25,33 @@ LEAST_TASKS = 10
 """Tasks that an agent must have flown to be in the figure."""
 GAPS = np.geomspace(2e-3, 1.0, 80)
 """Gaps at which performance profiles are evaluated."""
-LEAST_WORK = {"samples": 1e5, "seconds": 1.0}
+PLANNED = ("expert", "expert-no-margin", "mpc", "open-loop")
+"""Agents that follow an optimal flight; their profiles would cover those of the learners."""
+LEAST_WORK = {"samples": 1e3, "seconds": 1.0}
 """Samples and training time [s] at which learning curves begin."""
-DASHES = {"pd": "dash", "hover": "dot", "random": "dashdot", "mpc": "longdash"}
+DASHES = {"pd": "dash", "hover": "dot", "random": "dashdot"}
 """Dashes of agents that share a colour."""
 RESAMPLES = 200
 
 
 def picture(results: Row) -> go.Figure:
-    """Return the median gap of the learners by samples and by training time, and the profiles of all agents."""
+    """Return the median gap of the learners by samples and by training time, and profiles.
+
+    Gaps below the lowest of GAPS, K* among them, are drawn as that one.
+    """
     flown = {(cell["problem"], cell["agent"]) for cell in results["cells"] if cell["episodes"]}
-    agents = [name for name in NAMES if sum(agent == name for _, agent in flown) >= LEAST_TASKS]
+    names = [name for name in NAMES if name not in PLANNED]
+    agents = [name for name in names if sum(agent == name for _, agent in flown) >= LEAST_TASKS]
     figure = make_subplots(rows=1, cols=3, horizontal_spacing=0.07)
     for agent in agents:
         cells = [cell for cell in results["cells"] if cell["agent"] == agent and cell["episodes"]]
         if agent in LEARNERS:
             for column, (work, least) in enumerate(LEAST_WORK.items(), start=1):
                 limits = np.geomspace(least, max(spent(cell["curve"][-1], work) for cell in cells), 80)
-                bands = gaps_by_limit(cells, results["validation_k_star"], work, limits)
+                bands = np.maximum(gaps_by_limit(cells, results["validation_k_star"], work, limits), GAPS[0])
                 add_band(figure, agent, limits, *bands, column=column, legend=False)
         add_band(figure, agent, GAPS, *profile({**results, "cells": cells}), column=3, legend=True)
-    percents = decades(percent=True) | {"range": [np.log10(GAPS[0]), 0]}
+    percents = decades(percent=True) | {"range": [np.log10(GAPS[0]) - 0.02, 0]}
     figure.update_yaxes(title="gap to K*, median of trainings", **percents, row=1, col=1)
     figure.update_yaxes(**percents, row=1, col=2)
     figure.update_xaxes(title="samples", type="log", exponentformat="SI", dtick=1, row=1, col=1)
@@ -53,7 +59,11 @@ def picture(results: Row) -> go.Figure:
     figure.update_xaxes(title="gap to K*", **percents, tickangle=0, tickfont_size=10, row=1, col=3)
     figure.update_yaxes(title="episodes within the gap", tickformat=".0%", range=[-0.01, 1.02], row=1, col=3)
     return layout(figure, "Gap against work, and performance profiles").update_layout(
-        width=1150, height=430, margin={"l": 70, "r": 20, "t": 95, "b": 55}
+        width=1150,
+        height=430,
+        margin={"l": 70, "r": 20, "t": 95, "b": 55},
+        legend={"y": 1.05, "x": 0.0, "xanchor": "left"},
+        title={"y": 0.96},
     )
 
 
