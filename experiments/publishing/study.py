@@ -51,9 +51,9 @@ def figure_text() -> str:
     image = f"![Gap by samples and by training time, and performance profiles](experiments/results/published/{PICTURE})"
     note = (
         f"Left and middle: the smallest gap in validation so far, the median over the trainings on all tasks and the "
-        f"quartiles. Samples are environment steps and expert labels. Right: the share of an agent's episodes with a gap of at "
-        f"most so much, the mean over its tasks, with 95 % bootstrap intervals over seeds and episodes. Agents with at "
-        f"least {LEAST_TASKS} tasks are drawn, without those that follow an optimal flight. Gaps below "
+        f"quartiles. Samples are environment steps and expert labels. Right: the share of an agent's episodes with a "
+        f"gap of at most so much, the mean over its tasks, with 95 % bootstrap intervals over seeds and episodes. "
+        f"Agents with at least {LEAST_TASKS} tasks are drawn, without those that follow an optimal flight. Gaps below "
         f"{percent(GAPS[0])} are drawn as {percent(GAPS[0])}."
     )
     return f"{image}\n\n{paragraph(note)}"
