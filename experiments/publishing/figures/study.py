@@ -48,8 +48,9 @@ def picture(results: Row) -> go.Figure:
         if agent in LEARNERS:
             for column, (work, least) in enumerate(LEAST_WORK.items(), start=1):
                 limits = np.geomspace(least, max(spent(cell["curve"][-1], work) for cell in cells), 80)
-                bands = np.maximum(gaps_by_limit(cells, results["validation_k_star"], work, limits), GAPS[0])
-                add_band(figure, agent, limits, *bands, column=column, legend=False)
+                bands = gaps_by_limit(cells, results["validation_k_star"], work, limits)
+                middle, low, high = (np.maximum(gaps, GAPS[0]) for gaps in bands)
+                add_band(figure, agent, limits, middle, low, high, column, legend=False)
         add_band(figure, agent, GAPS, *profile({**results, "cells": cells}), column=3, legend=True)
     percents = decades(percent=True) | {"range": [np.log10(GAPS[0]) - 0.02, 0]}
     figure.update_yaxes(title="gap to K*, median of trainings", **percents, row=1, col=1)
