@@ -21,7 +21,7 @@ from experiments.scoring.score_file import checksum, decode, encode
 from experiments.scoring.submission import Submission
 from experiments.scoring.verification import MARGIN, Verdict, replayed, same, verify
 from experiments.scoring.verify_file import verify_file
-from flatgym import SCENARIOS, Disturbances, Quadrotor
+from flatgym import DISTRIBUTIONS, SCENARIOS, Disturbances, Quadrotor
 from flatgym.scenarios.files import from_dict
 from flatgym.scenarios.reference import EVALUATION_SEED, ghost_states, k_star_digest, reference
 from optimal.discrete.step_bound import prove_steps
@@ -281,11 +281,9 @@ def test_actions_keep_every_bit():
 
 
 def test_the_digest_of_k_star_belongs_to_the_problem():
-    names = [*SCENARIOS, "random-goal", "random-hoops"]
-    known = [k_star_digest(name) for name in names]
-    assert all(known)
+    assert all(k_star_digest(name) for name in (*SCENARIOS, *DISTRIBUTIONS))
     assert k_star_digest("horizontal-6") == k_star_digest("ground-6")  # both 61
-    assert k_star_digest("random-track") is None
+    assert k_star_digest(replace(DISTRIBUTIONS["random-track"], hoops=(4, 7))) is None
     assert k_star_digest(replace(SCENARIOS["hoop"], dt=0.01)) is None
 
 
