@@ -5,7 +5,7 @@ A section that is not measured yet leaves a sentence in its place.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ from experiments.publishing.solvers import measured_by
 from flatgym import SCENARIOS, reference
 from flatgym.files import write_text
 
+SEEDS_NAMED = 12
+"""Most seeds of unproven draws that are listed."""
 TRACKS = ("random_tracks", "track_validity", "sampled_steps")
 """Sections of `tracks`."""
 
@@ -120,7 +122,7 @@ def sampled_steps(rows: list[Row]) -> str:
     known = [row for row in rows if row["draws"]]
     parts = [f"{row['proven']} of {row['draws']} draws of `{row['distribution']}`" for row in known]
     unproven = [
-        f"{row['gap_steps_worst']} step at most for the seeds {', '.join(map(str, row['open_seeds']))} of "
+        f"{row['gap_steps_worst']} step{'s' * (row['gap_steps_worst'] > 1)} at most for {seeds(row['open_seeds'])} of "
         f"`{row['distribution']}`"
         for row in known
         if row["open_seeds"]
@@ -129,6 +131,12 @@ def sampled_steps(rows: list[Row]) -> str:
     if not unproven:
         return proven
     return f"{proven} The proof spent its time budget of {PROOF_TIME:.0f} s with a gap of {', and '.join(unproven)}."
+
+
+def seeds(numbers: Sequence[int]) -> str:
+    """Return the seeds in words, without their numbers where they are many."""
+    many = len(numbers) > SEEDS_NAMED
+    return f"{len(numbers)} seeds" if many else f"the seeds {', '.join(map(str, numbers))}"
 
 
 def proven() -> str:

@@ -80,6 +80,8 @@ def test_totals_of_tracks_are_stated_and_an_unknown_gap_is_no_number(results):
     assert "was excluded 2 times" in text
     assert "K* is proven for 298 of 300 draws of `random-hoops`. The proof spent its time budget" in text
     assert "a gap of 1 step at most for the seeds 1000001, 1000002 of `random-hoops`." in text
+    many = {"distribution": "random-track", "draws": 20, "proven": 7, "gap_steps_worst": 2, "open_seeds": [*range(13)]}
+    assert chain.sampled_steps([many]).endswith("a gap of 2 steps at most for 13 seeds of `random-track`.")
 
 
 def test_proven_scenarios_are_counted_from_the_shipped_table(monkeypatch):
