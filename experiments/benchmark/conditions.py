@@ -60,12 +60,11 @@ def episode_count(spec: RunSpec, agent: str, condition: str) -> int:
 
     One suffices for the nominal condition on a scenario, which is deterministic.
     """
-    budget, protocol = spec.budget, protocol_episodes(spec.target)
+    budget = spec.budget
     if condition == NOMINAL and not spec.is_distribution:
         return 1
     if agent == "mpc":
         return budget.mpc_episodes
-    most = protocol if spec.is_distribution else budget.disturbed_episodes
-    if condition != NOMINAL or agent in ("expert", "open-loop"):  # which need a plan for each episode
-        return min(budget.disturbed_episodes, most)
-    return min(budget.nominal_episodes, most)
+    few = condition != NOMINAL or agent in ("expert", "open-loop")  # which need a plan for each episode
+    wanted = budget.disturbed_episodes if few else budget.nominal_episodes
+    return min(wanted, protocol_episodes(spec.target)) if spec.is_distribution else wanted

@@ -76,7 +76,7 @@ def pretrain(
 ) -> Iterator[Card]:
     """Train the policies of scenarios and distributions, write them, and yield their cards when done.
 
-    Distributions are trained one by one, on all cores; then scenarios, one on each core.
+    Distributions are trained one by one, by DAgger on all cores; then scenarios, one on each core.
 
     Args:
         tasks: scenarios and distributions, one's own too.

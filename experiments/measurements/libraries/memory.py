@@ -33,6 +33,8 @@ CASES: tuple[tuple[str, Callable[..., Candidate], tuple[str, ...]], ...] = (
     ("SameStep", jax_batch, ("float32",)),
 )
 """The autoreset mode of each case, and what makes its candidate."""
+QUICK_CASES = (1, 3)
+"""Numbers of the cases at small size: the compiled kernels and JAX."""
 
 
 def memory(quick: bool, advance: Advance) -> list[Row]:
@@ -40,7 +42,7 @@ def memory(quick: bool, advance: Advance) -> list[Row]:
     steps, warm_up, envs = (4_000, 2_000, 64) if quick else (STEPS, WARM_UP, ENVS)
     marks = [warm_up, *(steps * share // 10 for share in range(1, 11))]
     rows: list[Row] = []
-    for i in (1, 3) if quick else range(len(CASES)):
+    for i in QUICK_CASES if quick else range(len(CASES)):
         mode, *_ = CASES[i]
         what, sizes = in_new_process(__name__, f"checkpoints({i}, {envs}, {marks})")
         growth = max(size["resident_mb"] for size in sizes[1:]) - sizes[1]["resident_mb"]

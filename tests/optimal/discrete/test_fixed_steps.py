@@ -78,8 +78,7 @@ TURNING = {
 
 @pytest.mark.parametrize("name", TURNING)
 def test_hoops_reached_by_turning_round_are_counted_by_certificate_and_environment(name):
-    solution = solve(TURNING[name], windings=(0,), max_gap=None)
-    steps = fewest_steps(TURNING[name], windings=(0,), time_budget=0.0)
+    solution, steps = solve(TURNING[name], max_gap=None), fewest_steps(TURNING[name], time_budget=0.0)
     assert solution.certificate.holds()
     assert len(replay_to_goal(TURNING[name], steps.actions)) == steps.steps + 1
     assert steps.steps * TURNING[name].dt == pytest.approx(solution.time, rel=0.04)
